@@ -49,7 +49,7 @@ _ELF: Final = b"\x7fELF"
 # Reads files of its own sources as configuration.
 KEPT_AS_SOURCES: Final = ("cv2",)
 _WITHOUT_DOCSTRINGS: Final = 2
-# Of which byte code saves a tenth of a second at each start, and takes more room than their sources.
+# Of which byte code saves less than a tenth of a second at each start, and takes as much room as their sources.
 _FEW_MODULES: Final = 50
 # What reads it.
 _CATALOGUE: Final = "shared/parts/catalogue", "shared/parts/catalogue.py"

@@ -480,7 +480,7 @@ _BETWEEN: Final = derived("a guide between focal spot and ring, about 1 m from s
 _ROWS_BESIDE_EDGES: Final = fitted(
     "a hundred seeded scenes (docs/decisions/0014); 0.02 suffices for single balls, not for rows beside an edge"
 )
-_LAGGING: Final = fitted("`distalock bench processing --kind lag --seeds fit --count 22` (decision 0018)")
+_LAGGING: Final = fitted("`distalock bench processing --kind lag --seeds fit --count 24` (decision 0018)")
 _DISTORTION: Final = fitted(
     "a hundred seeded scenes (docs/decisions/0014): the calibration's own posterior has 50 to 240 px, median 90"
 )
@@ -635,7 +635,7 @@ class Lag:
     tail_detector_mm: float = tuned(1.05, "mm", "beyond a ball's edge that belongs to its shadow", _LAGGING)
     rim_detector_mm: float = tuned(2.0, "mm", "beyond a ball's edge that shows the background", _LAGGING)
     fewest_balls: int = tuned(8, "1", "balls without which no lag is reported", _LAGGING)
-    chance_sigmas: float = tuned(2.5, "sd", "of the tails' median that are chance", _LAGGING)
+    chance_sigmas: float = tuned(2.5, "sd", "of the tails' median that are taken for chance", _LAGGING)
     entry_per_tail: float = tuned(2.5, "1", "shift of the nail against the guide over the tails' length", _LAGGING)
     turn_deg_per_px: float = tuned(0.7, "°/px", "turn of the nail by a tail of a pixel", _LAGGING)
 

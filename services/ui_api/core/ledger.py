@@ -40,17 +40,14 @@ _DECIDES_NOTHING: Final = frozenset(
     }
 )
 
-# The newest, which says whether what was measured is of it.
-_HELD_OF_CLOSED: Final = 1
-
 
 @dataclass(slots=True)
 class Ledger:
     """The state that the log adds up to. Cases and operations keep the order in which they began.
 
     The maps are replaced as a whole by `take`, so that a reader on another thread sees them either before or after an
-    event, never in between. Of a case's images the newest `images_held` are held, of a closed case the newest, and of
-    those before them all but the frames of fluoroscopy from which nothing was measured; None holds all.
+    event, never in between. Of a case's images the newest `images_held` are held, and of those before them all but the
+    frames of fluoroscopy from which nothing was measured; None holds all.
     """
 
     images_held: int | None = None
@@ -139,13 +136,8 @@ class Ledger:
             return
         case = _case_with(self.cases.get(event.case_id), event)
         if case is not None:
-            self.cases = {**self.cases, event.case_id: self._held(case)}
-
-    def _held(self, case: Case) -> Case:
-        """The case with the images that are held in memory: a gateway that runs for months has closed hundreds."""
-        if self.images_held is None:
-            return case
-        return case.holding(_HELD_OF_CLOSED if case.progress.closed else self.images_held)
+            held = case if self.images_held is None else case.holding(self.images_held)
+            self.cases = {**self.cases, event.case_id: held}
 
     def _take_image(self, event: Event) -> None:
         data = event.data

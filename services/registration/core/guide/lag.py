@@ -1,8 +1,8 @@
 """Lag: what is left of earlier frames where the C-arm or the patient moved, from the shadows of the guide's balls.
 
-C-arms average frames, the newest with most weight: what moved has a faint tail on one side. The rims of a ball follow
-the newest frame, the middle of all that it takes from the light follows the mean of all frames: they are apart by
-what the nail's edges are displaced against the balls. The ring is fixed to the detector and has no tail.
+C-arms average frames, the newest with most weight: what moved has a faint tail on one side. The rim that is
+fitted to a ball follows the newest frame more than the centroid of its attenuation does, which follows the mean of all
+frames: how far they are apart shows the lag. The ring is fixed to the detector and has no tail.
 """
 
 import numpy as np
@@ -15,8 +15,8 @@ from shared.geometry.transform import Transform
 from shared.xray.measurement import Discs
 from shared.xray.pixel_scale import pixels as pixels_of
 
-# Standard deviation of a median over that of a mean, and what four in five of normal errors are smaller than. The
-# backgrounds of some balls are uneven: their spread counts, which half of the balls need not show.
+# Standard deviation of a median over that of a mean, and what four in five of normal errors are smaller than. Uneven
+# backgrounds displace some centroids: the usual median of deviations would not show it where they are less than half.
 _OF_MEDIAN, _MOST, _SIZE_OF_MOST = 1.2533, 0.8, 1.2816
 # Guard of the logarithm: of the background's grey value, darker than any ball.
 _LEAST_SHARE = 1e-3

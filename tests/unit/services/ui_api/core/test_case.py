@@ -201,18 +201,6 @@ def test_of_a_long_fluoroscopy_the_newest_frames_are_held_and_every_image_that_w
     assert 7 in log.ledger.images["store"]
 
 
-def test_of_a_closed_case_the_newest_image_is_held_and_what_was_measured() -> None:
-    """A frame is some 15 kB: a thousand of each case would fill a gateway that runs for months."""
-    log = Log(Ledger(images_held=64))
-    log.add(CaseOpened(samples.case_setup()), _image("shot"), *(_frame(number) for number in range(1, 41)))
-    log.add(_localised(1, "frame 5"))
-    case = log.add(StepRecorded(Step.ABANDONED, (), False, "it is late"))
-    assert case.progress.closed
-    names = [image.image_sha256 for image in case.images]
-    assert names == [samples.sha("shot"), samples.sha("frame 5"), samples.sha("frame 40")]
-    assert case.frames_let_go + len(names) == 41
-
-
 def test_operations_that_go_on_are_known_in_the_order_in_which_they_began(approved: Log) -> None:
     running = OperationProgressed("one", OperationStatus.RUNNING, "")
     approved.add(_move("one"), _move("two"), running, _move("three"))
