@@ -126,6 +126,11 @@ class ClientStream(asyncio.Protocol):
         finally:
             self._on_more = self._on_end = _nothing
 
+    def end_writing(self) -> None:
+        """Tell the client that no more comes; under TLS that cannot be told without ending both ways."""
+        if self.transport.get_extra_info("sslcontext") is None:
+            self.transport.write_eof()
+
     def close(self) -> None:
         """End the connection when what was written has gone out."""
         self.transport.close()

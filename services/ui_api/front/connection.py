@@ -34,6 +34,8 @@ IDLE_FOR_S: Final = 60.0
 _SHORTEST_IDLE: Final = 0.5
 # A body that a stop brings along is read and forgotten; what is longer costs the connection.
 _MOST_STOP_BODY_BYTES: Final = 64 * 1024
+# Chosen: for the rest of a request that was answered already; whoever has read that closes.
+_REST_WITHIN_S: Final = 2.0
 _AGAIN: Final = {"retry-after": "1"}
 
 
@@ -87,6 +89,22 @@ class Connection:
         admission = self._parts.admission
         admission.enter(self._place)
         try:
+            await self._answer_all()
+            await self._take_what_still_comes()
+        except OSError:
+            pass  # the client has gone, or reads nothing
+        except asyncio.CancelledError:
+            self._stream.abort()  # the front ends: nobody waits until a slow client has read its answer
+            raise
+        finally:
+            self._deadline.end()
+            admission.leave(self._place)
+            self._stream.close()
+
+    async def _answer_all(self) -> None:
+        """Answer until the client has left, or an answer was the connection's last."""
+        admission = self._parts.admission
+        try:
             while (head := await self._next_head()) is not None:
                 admission.busy(self._place)
                 if not await self._answer(head):
@@ -97,15 +115,20 @@ class Connection:
             _log.warning("request refused: request_invalid: %s (from %s)", detail, self._peer)
             asked = Asked("", self._parts.scheme, keeps_open=False)
             self._stream.write(problem_answer(error.error_status_hint, "request_invalid", detail, asked))
-        except OSError:
-            pass  # the client has gone, or reads nothing
-        except asyncio.CancelledError:
-            self._stream.abort()  # the front ends: nobody waits until a slow client has read its answer
-            raise
-        finally:
-            self._deadline.end()
-            admission.leave(self._place)
-            self._stream.close()
+
+    async def _take_what_still_comes(self) -> None:
+        """Of a request that was answered before it was whole, read the rest and forget it.
+
+        The system resets a connection that is closed while its client still sends, and the client may lose the answer.
+        """
+        if self._incoming.is_whole:
+            return
+        self._parts.admission.idle(self._place)
+        self._in_head = False
+        self._deadline.set(_REST_WITHIN_S)
+        self._stream.end_writing()
+        while await self._stream.read():
+            pass
 
     async def _next_head(self) -> RequestHead | None:
         """The head of the next request; None when the client has left."""

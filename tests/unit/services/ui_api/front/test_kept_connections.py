@@ -6,8 +6,9 @@ import time
 
 import pytest
 
+from services.ui_api.front.admission import Limits
 from services.ui_api.front.heads import AnswerFraming
-from tests.unit.services.ui_api.front.rig import GET, answer_of, front
+from tests.unit.services.ui_api.front.rig import GET, STOP, answer_of, front
 
 ANSWER = b"HTTP/1.1 200 OK\r\ncontent-length: 2\r\n\r\n{}"
 LAST = b"HTTP/1.1 200 OK\r\ncontent-length: 2\r\nconnection: close\r\n\r\n{}"
@@ -116,3 +117,27 @@ def test_an_answer_before_the_body_announces_that_the_connection_ends() -> None:
         client.sendall(POST)
         assert answer_of(client) == ANSWER
     assert application.connections == 2, "what was refused early left a connection that nobody uses again"
+
+
+def test_who_is_answered_before_the_body_may_still_send_it() -> None:
+    """A connection that is closed on what still comes is reset, and the client may lose the answer with it."""
+    head, _, _ = POST.partition(b"{}")
+    with front(Counting(answers=1, reads_body=False)) as rig, rig.connect() as client:
+        client.sendall(head)
+        answer_of(client)
+        assert client.recv(1) == b""
+        for piece in (b"{", b"}"):
+            client.sendall(piece)
+            time.sleep(0.05)  # a reset comes back meanwhile
+
+
+def test_who_was_answered_and_still_sends_keeps_no_place_that_another_needs() -> None:
+    head, _, _ = POST.partition(b"{}")
+    application = Counting(answers=1, reads_body=False)
+    with front(application, Limits(connections=1, relays=1)) as rig, rig.connect() as client:
+        client.sendall(head)
+        answer_of(client)
+        with rig.connect() as another:
+            another.sendall(STOP)
+            assert answer_of(another).startswith(b"HTTP/1.1 200 ")
+        assert rig.admission.closed_idle == 1
