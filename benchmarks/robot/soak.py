@@ -28,7 +28,8 @@ STOPS: Final = 100
 SEED: Final = 79
 LIMIT_GROWTH: Final = 0.01
 # Chosen: in five minutes 1.2 % was seen, in an hour 0.7 %, so memory settles for longer than minutes. A shorter run
-# still finds what each frame leaves behind: at 30 frames/s a kilobyte of each would be 2 MiB a minute.
+# still finds what each frame leaves behind: at 30 frames/s a kilobyte of each would be 2 MiB a minute. CI plays such a
+# one beside whatever else its machine does, so it tells how long stops took and does not judge that.
 SETTLED_AFTER_MIN: Final = 30
 LIMIT_GROWTH_BEFORE: Final = 0.05
 LIMIT_P99_S: Final = 0.050
@@ -84,7 +85,7 @@ def main(arguments: Sequence[str]) -> int:
     report = _report(result, given.minutes)
     print(report)
     given.report.write_text(report)
-    return 0 if _holds(result, growth_limit(given.minutes)) else 1
+    return 0 if holds(result, given.minutes) else 1
 
 
 def growth_limit(minutes: int) -> float:
@@ -92,10 +93,12 @@ def growth_limit(minutes: int) -> float:
     return LIMIT_GROWTH if minutes >= SETTLED_AFTER_MIN else LIMIT_GROWTH_BEFORE
 
 
-def _holds(result: Soak, limit: float) -> bool:
-    first_s, last_s = (float(np.percentile(v, 99.0)) for v in (result.first_stops_s, result.last_stops_s))
-    flat = all(growth(result.samples, name) <= limit for name in result.samples[-1].processes)
-    return flat and max(first_s, last_s) <= LIMIT_P99_S and result.stops_missing == 0
+def holds(result: Soak, minutes: int) -> bool:
+    """Whether nothing grew, no stop is missing and, where that is judged, stops were fast enough."""
+    flat = all(growth(result.samples, name) <= growth_limit(minutes) for name in result.samples[-1].processes)
+    slowest_s = max(float(np.percentile(v, 99.0)) for v in (result.first_stops_s, result.last_stops_s))
+    fast = minutes < SETTLED_AFTER_MIN or slowest_s <= LIMIT_P99_S
+    return flat and fast and result.stops_missing == 0
 
 
 def _report(result: Soak, minutes: int) -> str:
@@ -104,13 +107,14 @@ def _report(result: Soak, minutes: int) -> str:
         for name, values in (("after the warm-up", result.first_stops_s), ("at the end", result.last_stops_s))
     )
     received = ", ".join(f"{name}: {count}" for name, count in sorted(result.received.items()))
+    stop_limit = f"{1e3 * LIMIT_P99_S:.0f} ms" if minutes >= SETTLED_AFTER_MIN else "not judged in so short a run"
     return (
         "# Soak\n\n"
         f"Made by `distalock bench soak --minutes {minutes}`: {EVENT_CLIENTS} event clients, {VIEWERS} viewers, 30 "
         f"frames/s of 2 MB of an open case, {IDLE_CONNECTIONS} idle connections,\nreal processes of router, gateway "
         "and robot service. Memory is anonymous resident memory; growth compares the medians of the first and last "
         f"third\nafter a warm-up of a quarter of the time. Limits: memory {growth_limit(minutes):.0%}, 99 % of stops "
-        f"{1e3 * LIMIT_P99_S:.0f} ms, no stop missing on record.\n\n"
+        f"{stop_limit}, no stop missing on record.\n\n"
         f"{process_table(result.samples)}\n{queue_table(result.samples)}\n"
         f"| stop | trials | median | 99 % |\n|---|---|---|---|\n{stops}\n"
         f"Stops missing on record: {result.stops_missing}. Received ({result.received.get('frames', 0)} frames were "

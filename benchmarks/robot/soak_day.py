@@ -105,13 +105,14 @@ def _procedure(room: OperatingRoom, mount_mm: np.ndarray) -> str:
     room.control.post("/faults", {"kind": "mount_shift", "shift_mm": mount_mm.tolist()})
     room.room.remove_wires()
     room.control.delete("/drills")
+    case = room.open_case()
     try:
-        case = room.open_case()
         room.control.post("/fluoroscopy", _FLUOROSCOPY)
         outcome = Procedure(case, room.room, room.room.scenario().hole_ids, lambda _: None).run()
-        case.abandon("the procedure ends here")
     except (DistalockError, TimeoutError) as error:
         return f"{type(error).__name__}: {error}"
+    finally:
+        case.abandon("the procedure ends here")
     return str(outcome.ending) if outcome.ending is Ending.DRILLED else f"{outcome.ending}: {outcome.why}"
 
 
