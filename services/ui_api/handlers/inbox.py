@@ -6,6 +6,7 @@ that were localised are kept there: each is a hundred times as long as the frame
 
 import base64
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -165,7 +166,7 @@ class Inbox:
 
     def _run_ended(self) -> None:
         """Record what is left of a run of fluoroscopy: its newest frames."""
-        for payload in self._run.end():
+        for payload in self._run.end(time.monotonic()):
             self._record_calibration(decode(CalibrationMessage, payload), payload)
 
     def _frame_later(self, attachment: bytes) -> None:
