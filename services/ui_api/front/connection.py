@@ -124,11 +124,15 @@ class Connection:
         if self._incoming.is_whole:
             return
         self._parts.admission.idle(self._place)
-        self._in_head = False
-        self._deadline.set(_REST_WITHIN_S)
+        self._deadline.end()
+        rest = Deadline(self._stream.close)  # no abort: who reads slowly may still wait for the answer itself
+        rest.set(_REST_WITHIN_S)
         self._stream.end_writing()
-        while await self._stream.read():
-            pass
+        try:
+            while await self._stream.read():
+                pass
+        finally:
+            rest.end()
 
     async def _next_head(self) -> RequestHead | None:
         """The head of the next request; None when the client has left."""

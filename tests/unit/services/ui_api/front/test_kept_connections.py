@@ -6,8 +6,10 @@ import time
 
 import pytest
 
+from services.ui_api.front import connection
 from services.ui_api.front.admission import Limits
 from services.ui_api.front.heads import AnswerFraming
+from tests.unit.services.ui_api.fakes import PATIENCE_S
 from tests.unit.services.ui_api.front.rig import GET, STOP, answer_of, front
 
 ANSWER = b"HTTP/1.1 200 OK\r\ncontent-length: 2\r\n\r\n{}"
@@ -141,3 +143,15 @@ def test_who_was_answered_and_still_sends_keeps_no_place_that_another_needs() ->
             another.sendall(STOP)
             assert answer_of(another).startswith(b"HTTP/1.1 200 ")
         assert rig.admission.closed_idle == 1
+
+
+def test_who_goes_on_sending_after_the_answer_is_cut_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "_REST_WITHIN_S", 0.1)
+    head, _, _ = POST.replace(b"length: 2", b"length: 9999").partition(b"{}")
+    with front(Counting(answers=1, reads_body=False)) as rig, rig.connect() as client:
+        client.sendall(head)
+        answer_of(client)
+        with pytest.raises(OSError, match=r"reset|Broken pipe"):  # noqa: PT012 - the system tells with one of the next
+            for _ in range(int(PATIENCE_S / 0.05)):
+                client.sendall(b"x")
+                time.sleep(0.05)
