@@ -24,6 +24,9 @@ _STRAIGHT: Final = derived("assumed 0.3 mm over 180 mm: 8 * 0.3 / 180^2")
 _MUSCLE: Final = physical("60-80 kV behind 100-200 mm of muscle")
 _SPECTRUM_END: Final = physical("end of the spectrum at 60-80 kV: law off by 0.08 % at most")
 _FOREIGN: Final = fitted("by inspection on scenes of `distalock bench foreign_objects --seeds fit`")
+_EVIDENT: Final = fitted(
+    "seeds 60000-60006 (decision 0019): metal 0.36 to 1.34 but for one 0.31, filters at most 0.23, local contrast 0.45"
+)
 _FILTERED: Final = fitted("`distalock bench processing --seeds fit --count 12`: bilateral filter and local contrast")
 _TAILS: Final = fitted("by inspection: seeds 60000-60023, plain and through three filters (decision 0018)")
 _PROCESSED: Final = fitted("by inspection: own scenes 30024-30063 through local contrast and filters (decision 0018)")
@@ -341,6 +344,7 @@ class ForeignObjects:
         1.5, "hole radii", "surroundings of a hole that are fitted alone", derived("inside the nail's edges")
     )
     stretch_mm: float = tuned(0.5, "mm", "along the nail: what lies beyond an object as seen from there", _FOREIGN)
+    evident_darkness: float = tuned(0.35, "steps", "darkness of an evident object, from metal to background", _EVIDENT)
     directions: int = tuned(36, "1", "directions in which a rim is looked for", derived("10° each"))
     about_rim_in_radii: float = tuned(0.25, "hole radii", "distance from the rim at which pixels show it", _FOREIGN)
     seen_share: float = tuned(0.5, "1", "share of the usual pixels with which a direction is seen", _FOREIGN)

@@ -63,6 +63,7 @@ class ResidualStatistics:
     # Largest smoothed residual in and about a hole, as a share of the step from metal to background, if it is far
     # beyond noise: a wrong pose may explain all but a small piece of a hole that shows between two balls
     spot: float
+    darkness: float  # largest smoothed residual on the dark side, anywhere, as a share of that step
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,7 @@ from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import displacement_by_motion
 from shared.geometry.parts import Hole, NailPart, across_holes, hole_surface_points, place_of_hole
 from shared.geometry.transform import Transform
+from shared.xray.pixel_scale import pixels as pixels_of
 from shared.xray.tuning import DEVIATION_PER_MEDIAN
 
 
@@ -73,7 +74,8 @@ def residual_statistics(problem: Problem, solution: Solution, noise: NoiseModel)
     reference = float(np.sqrt(np.mean(smooth[elsewhere] ** 2))) if np.any(elsewhere) else 1.0
     at_rims = float(np.sqrt(np.mean(smooth[rim] ** 2))) if np.any(rim) else 0.0
     inflation = float(noise.inflation.mean())
-    return ResidualStatistics(at_rims / max(reference, 1e-9), inflation, _spot(problem, solution, noise))
+    spot, darkness = _spot(problem, solution, noise), _darkness(problem, solution)
+    return ResidualStatistics(at_rims / max(reference, 1e-9), inflation, spot, darkness)
 
 
 def _spot(problem: Problem, solution: Solution, noise: NoiseModel) -> float:
@@ -90,6 +92,14 @@ def _spot(problem: Problem, solution: Solution, noise: NoiseModel) -> float:
     smallest_step = NAIL_EVIDENCE.least_step * np.median(step)
     share = np.abs(region.compared_values(region.smoothed(linear.residual, blur_px))) / np.maximum(step, smallest_step)
     return float(share[near & certain].max(initial=0.0))
+
+
+def _darkness(problem: Problem, solution: Solution) -> float:
+    """Largest smoothed residual on the dark side, over the usual step from metal to background."""
+    region, step = problem.model.region, float(np.median(np.abs(_local_step(problem, solution))))
+    blur_px = pixels_of(FOREIGN_OBJECTS.blur_detector_mm, region.sampling.pixel_mm)
+    smooth = region.compared_values(region.smoothed(solution.linear.residual, blur_px))
+    return float((-smooth / max(step, 1e-9)).max(initial=0.0))
 
 
 def _local_step(problem: Problem, solution: Solution) -> NDArray[np.float64]:

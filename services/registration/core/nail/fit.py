@@ -42,22 +42,55 @@ def fit_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepted[Na
     Accepted[NailFit] or Rejected
         Rejected as `hole_not_visible`, `nail_model_mismatch` or `mirror_ambiguous`.
     """
-    first = fit_image(fit_input, start)
-    found = _without_display_curve(fit_input, first)
-    if _is_refused(found):
-        first = found = _fitted_without_foreign_objects(fit_input, start, first)[1]
-    if _is_refused(found):
-        seen = _seen_from_the_holes(fit_input, start)
-        again = None if seen is None else _beside_objects(_fitted_without_foreign_objects(*seen)[1])
-        first = found = found if again is None or isinstance(again, Rejected) else again
+    first, found = _fits(fit_input, start)
     if isinstance(found, Rejected):
         return found
     reasons = fit_reasons(found.fit.evidence)
     return Rejected(reasons) if reasons else Accepted(_grown_by_curve(fit_input, first, found))
 
 
+def _fits(fit_input: FitInput, start: Transform[Camera, Nail]) -> tuple[ImageFit | Rejected, ImageFit | Rejected]:
+    """The fit of what the image shows, and the one to go by: without the display's curve, or without objects.
+
+    What is far darker than the fit is an object: a curve bent until it explains one leaves a fit that errs and agrees.
+    """
+    first = fit_image(fit_input, start)
+    beside = _without_objects(fit_input, start, first) if _shows_an_object(first) else None
+    if beside is not None and _is_plain(beside):
+        return beside, beside
+    found = _without_display_curve(fit_input, first)
+    if not _is_refused(found):
+        return first, found
+    beside = _without_objects(fit_input, start, first) if beside is None else beside
+    return beside, beside
+
+
+def _shows_an_object(found: ImageFit | Rejected) -> bool:
+    """Whether parts disagree, and something is as dark beside the fit as an object of metal."""
+    if isinstance(found, Rejected) or _is_plain(found):
+        return False
+    return found.fit.evidence.residual.darkness >= FOREIGN_OBJECTS.evident_darkness
+
+
+def _without_objects(
+    fit_input: FitInput, start: Transform[Camera, Nail], first: ImageFit | Rejected
+) -> ImageFit | Rejected:
+    """The fit without what is darker than it or, where that is refused, than a fit of the holes' surroundings."""
+    beside = _fitted_without_foreign_objects(fit_input, start, first)[1]
+    if beside is not first and not _is_refused(beside):
+        return beside
+    seen = _seen_from_the_holes(fit_input, start)
+    again = None if seen is None else _beside_objects(_fitted_without_foreign_objects(*seen)[1])
+    return beside if again is None or isinstance(again, Rejected) else again
+
+
 def _is_refused(found: ImageFit | Rejected) -> bool:
     return isinstance(found, Rejected) or bool(fit_reasons(found.fit.evidence))
+
+
+def _is_plain(found: ImageFit | Rejected) -> bool:
+    """Whether a fit is acceptable, and its parts agree as those of plain images do."""
+    return not _is_refused(found) and _disagreement(found) < DISPLAY_CURVE.least_error_ratio
 
 
 def _without_display_curve(fit_input: FitInput, as_shown: ImageFit | Rejected) -> ImageFit | Rejected:
@@ -100,19 +133,22 @@ def _disagreement(found: ImageFit | Rejected) -> float:
 def _fitted_without_foreign_objects(
     fit_input: FitInput, start: Transform[Camera, Nail], as_shown: ImageFit | Rejected | None = None
 ) -> tuple[FitInput, ImageFit | Rejected]:
-    """Leave out what is darker than the fit and fit again, while the fit is not acceptable and there is more.
+    """Leave out what is darker than the fit and fit again, while the fit is not plain and there is more: the best fit.
 
     Begins with the fit of the image as it is shown, where that is known.
     """
     found = fit_image(fit_input, start) if as_shown is None else as_shown
+    best = fit_input, found
     for _ in range(FOREIGN_OBJECTS.most_rounds):
-        if isinstance(found, Rejected) or not _is_refused(found):
+        if isinstance(found, Rejected) or _is_plain(found):
             break
         without = _without_foreign_objects(fit_input, found.end)
         if without is None:
             break
         fit_input, found = without, _beside_objects(fit_image(without, start))
-    return fit_input, found
+        if _is_refused(best[1]) or (not _is_refused(found) and _disagreement(found) < _disagreement(best[1])):
+            best = fit_input, found
+    return best
 
 
 def _beside_objects(found: ImageFit | Rejected) -> ImageFit | Rejected:

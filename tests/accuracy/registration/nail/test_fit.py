@@ -208,3 +208,24 @@ def test_a_hole_that_is_covered_is_refused() -> None:
     pixels[(columns - hole[0]) ** 2 + (rows - hole[1]) ** 2 < 26.0**2] = metal
     codes = refused(replace(shot, pixels=pixels), shot.nail, shot.camera_from_nail, shot.occluders)
     assert ReasonCode.HOLE_NOT_VISIBLE in codes
+
+
+def with_wire(shot: Shot, beside_hole_px: float) -> Shot:
+    """The same image with a dark stripe across the nail, 1 mm wide, that passes a hole's middle at a distance."""
+    hole = shot.calibration.image_from_camera(shot.camera_from_nail @ np.array([-15.0, 0.0, 0.0]))
+    rows, columns = np.ogrid[: shot.pixels.shape[0], : shot.pixels.shape[1]]
+    away = (columns - hole[0]) * np.cos(0.3) + (rows - hole[1]) * np.sin(0.3) - beside_hole_px
+    covered = 0.9 * np.clip(3.5 - np.abs(away), 0.0, 1.0)
+    metal = float(np.percentile(shot.pixels, 2.0))
+    return replace(shot, pixels=(shot.pixels + covered * (metal - shot.pixels)).astype(np.float32))
+
+
+@pytest.mark.requirement("REG-05")
+def test_an_evident_object_is_left_out_also_where_the_fit_would_be_accepted_with_it() -> None:
+    shot = with_wire(tilted_shot(), 30.0)
+    outcome = accepted(shot, start_beside(shot.camera_from_nail, np.random.default_rng(3)))
+    evidence, tilt_sd_deg = outcome.fit.evidence, np.degrees(np.sqrt(np.diag(outcome.fit.errors.covariance)[:2]))
+    assert evidence.objects_left_out
+    assert evidence.error_ratio < 1.2  # measured: 1.0; with the wire in the fit 2.6
+    assert tilt_sd_deg.max() < 0.15  # measured: 0.09; with the wire in the fit 0.4
+    assert outcome.axis_deg < 0.15  # measured: 0.09

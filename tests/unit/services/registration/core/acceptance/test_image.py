@@ -25,7 +25,7 @@ from shared.geometry.transform import Transform
 from tests.unit.services.registration.xray_scene import calibration, guide_part, nail_part, posed_nail
 
 NAIL_MM = 12.0
-RESIDUAL = ResidualStatistics(1.1, 5.0, 0.1)
+RESIDUAL = ResidualStatistics(1.1, 5.0, 0.1, 0.1)
 FIT = FitEvidence(
     (HoleView("distal", 0.9, 12.0), HoleView("proximal", 0.8, 9.0)), RESIDUAL, 0.01, -0.02, 120.0, 1.2, (0.9, 0.8)
 )
@@ -183,7 +183,7 @@ def test_each_limit_of_the_fit_has_its_reason(evidence: FitEvidence, code: Reaso
     [
         replace(FIT, holes=(HoleView("distal", 0.35, 3.0), HoleView("proximal", 0.12, 3.0))),
         replace(FIT, hole_radius_excess_mm=0.12, nail_radius_excess_mm=-0.12),
-        replace(FIT, residual=ResidualStatistics(2.0, 10.0, 0.3)),
+        replace(FIT, residual=ResidualStatistics(2.0, 10.0, 0.3, 0.1)),
         replace(FIT, mirror_margin=8.0),
         replace(FIT, bent_margin=0.0),
         replace(FIT, holes=FIT.holes[:1], rim_shares=(0.9,), mirror_margin=40.0),
