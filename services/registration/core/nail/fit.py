@@ -23,9 +23,11 @@ from services.registration.core.nail.parameters import (
     STRAIGHT_DISPLAY,
 )
 from services.registration.core.nail.region import FitInput
-from services.registration.core.tuning import DISPLAY_CURVE, FINAL_STAGE, FOREIGN_OBJECTS
+from services.registration.core.tuning import DISPLAY_CURVE, FINAL_STAGE, FOREIGN_OBJECTS, TILT_SEARCH_STAGE
 from shared.errors import Accepted, Rejected
 from shared.geometry.frames import Camera, Nail
+from shared.geometry.lines import angle_between_rad
+from shared.geometry.parts import NailPart, mean_hole_direction
 from shared.geometry.transform import Transform
 
 
@@ -80,8 +82,17 @@ def _without_objects(
     if beside is not first and not _is_refused(beside):
         return beside
     seen = _seen_from_the_holes(fit_input, start)
-    again = None if seen is None else _beside_objects(_fitted_without_foreign_objects(*seen)[1])
-    return beside if again is None or isinstance(again, Rejected) else again
+    if seen is None:
+        return beside
+    again = _beside_objects(_fitted_without_foreign_objects(*seen)[1])
+    return again if not isinstance(again, Rejected) and _agrees(again, seen[1], fit_input.nail) else beside
+
+
+def _agrees(found: ImageFit, camera_from_nail: Transform[Camera, Nail], nail: NailPart) -> bool:
+    """Whether a fit has the hole axes of a pose: beside a plate, the whole region had another optimum 16° off."""
+    axis = mean_hole_direction(nail)
+    apart_rad = angle_between_rad(found.fit.camera_from_nail.directions(axis), camera_from_nail.directions(axis))
+    return bool(apart_rad < np.radians(TILT_SEARCH_STAGE.distinct_deg))
 
 
 def _is_refused(found: ImageFit | Rejected) -> bool:
