@@ -25,7 +25,7 @@ _MUSCLE: Final = physical("60-80 kV behind 100-200 mm of muscle")
 _SPECTRUM_END: Final = physical("end of the spectrum at 60-80 kV: law off by 0.08 % at most")
 _FOREIGN: Final = fitted("by inspection on scenes of `distalock bench foreign_objects --seeds fit`")
 _EVIDENT: Final = fitted(
-    "seeds 60000-60006 (decision 0019): metal 0.36 to 1.34 but for one 0.31, filters at most 0.23, local contrast 0.45"
+    "seeds 60000-60006 (decision 0019): metal 0.36 to 1.42 but for one 0.31, filters at most 0.23, local contrast 0.45"
 )
 _FILTERED: Final = fitted("`distalock bench processing --seeds fit --count 12`: bilateral filter and local contrast")
 _TAILS: Final = fitted("by inspection: seeds 60000-60023, plain and through three filters (decision 0018)")

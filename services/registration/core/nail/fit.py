@@ -68,7 +68,7 @@ def _fits(fit_input: FitInput, start: Transform[Camera, Nail]) -> tuple[ImageFit
 
 
 def _shows_an_object(found: ImageFit | Rejected) -> bool:
-    """Whether parts disagree, and something is as dark beside the fit as an object of metal."""
+    """Whether a fit is not plain, and leaves something that is as dark as an object of metal."""
     if isinstance(found, Rejected) or _is_plain(found):
         return False
     return found.fit.evidence.residual.darkness >= FOREIGN_OBJECTS.evident_darkness
