@@ -121,8 +121,16 @@ class CaseClient:
             operation = self._client.read_operation(operation.id)
         return operation
 
-    def lock_robot(self) -> None:
-        """Bring the robot to where it may move, from whatever state it is in; raises `RequestRefused`, `NotDone`."""
+    def make_robot_ready(self) -> None:
+        """Bring the robot to where it may move and an image may be taken, from whatever state it is in.
+
+        Raises
+        ------
+        NotDone
+            When that takes longer than a minute.
+        RequestRefused
+            When a command is refused.
+        """
         make_robot_ready(self._client)
 
     def abandon(self, why: str) -> None:
@@ -133,28 +141,6 @@ class CaseClient:
     def open_cases(client: Client) -> "list[CaseClient]":
         """Cases that are open."""
         return [CaseClient(client, case.id) for case in client.iterate_cases(status="open")]
-
-    def make_robot_ready(self) -> tuple[OperationView, ...]:
-        """Acknowledge the stop that every start begins with, then reference where that is needed; what was done.
-
-        Raises
-        ------
-        RequestRefused
-            When the robot cannot be asked for it.
-        """
-        acknowledged = self.follow(self._client.acknowledge_stop())
-        if acknowledged.status != "succeeded" or self._robot_state_after("stopped") != "unreferenced":
-            return (acknowledged,)
-        return acknowledged, self.follow(self._client.reference_robot())
-
-    def _robot_state_after(self, before: str) -> str | None:
-        """The robot's state once it is another one than before."""
-        deadline_s = time.monotonic() + _PATIENCE_S
-        while True:
-            state = self._client.read_robot().state
-            if (state is not None and state.state != before) or time.monotonic() > deadline_s:
-                return None if state is None else state.state
-            time.sleep(_POLL_S)
 
 
 def is_accepted(seen: LocalisationView) -> bool:

@@ -95,7 +95,7 @@ class Procedure:
         return Outcome(ending, why, before, after, self.shots, self.moves, tuple(self.drills))
 
     def _prepare(self) -> None:
-        self.case.lock_robot()
+        self.case.make_robot_ready()
         self.tell("robot: stop acknowledged, referenced, locked")
 
     def _holes_that_move_together(self, seen: LocalisationView) -> list[tuple[str, ...]]:

@@ -119,12 +119,14 @@ def _robot_now(localised: LocalisedFrame, robot: RobotState | None, case: OpenCa
     pose = pose_at_rest(robot)
     if robot is None or pose is None:
         return refused("robot_unknown", "the robot's pose is not known or it is moving; wait until it is locked")
-    if record.robot_pose is None or record.robot_boot_epoch != robot.boot_epoch:
+    if record.robot_pose is None:
         return refused(
             "stale",
             "where the robot stood when the image was made is not certain, for it was moving or had just moved; "
             "take one more image",
         )
+    if record.robot_boot_epoch != robot.boot_epoch:
+        return refused("stale", "the robot service has been started anew since the image was made; take one more image")
     moved = _moved(record.robot_pose, pose, "since the image was made")
     if moved is not None:
         return refused("stale", f"{moved}; take one more image")

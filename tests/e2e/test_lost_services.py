@@ -38,9 +38,7 @@ class CaseRoom:
         return self.room.control.get("/truth")["base_from_top"]
 
     def approved_plan(self) -> PlanView:
-        if self.robot().stop == "latched":
-            self.case.make_robot_ready()
-        wait_until(lambda: self.robot().locked is True, "locked")
+        self.case.make_robot_ready()
         seen = self.case.localisation_of(self.room.room.take_shot())
         assert is_accepted(seen), summary_of(seen)
         plan = self.case.plan(seen.number, self.room.room.scenario().hole_ids)
@@ -186,7 +184,7 @@ def test_a_pressed_stop_button_stops_the_move_and_holds(site: CaseRoom) -> None:
         assert "stop button is pressed" in ended.detail
         wait_until(lambda: site.robot().stop_button == "pressed", "the button shows")
         here = site.true_pose()
-        acknowledged, *_ = site.case.make_robot_ready()
+        acknowledged = site.outcome(site.room.gateway.acknowledge_stop())
         assert acknowledged.status == "failed"
         assert "stop button is pressed" in acknowledged.detail
         assert site.robot().stop == "latched"

@@ -53,9 +53,7 @@ def planned(site: OperatingRoom) -> Iterator[Planned]:
     Whoever moves the robot all the way stands last: the others need a long way before them.
     """
     case = site.open_case()
-    if robot_of(site).stop == "latched":
-        case.make_robot_ready()
-    wait_until(lambda: robot_of(site).state == "locked", "locked and ready")
+    case.make_robot_ready()
     seen = case.localisation_of(site.room.take_shot())
     assert is_accepted(seen), summary_of(seen)
     yield Planned(site, case, case.plan(seen.number, site.room.scenario().hole_ids))

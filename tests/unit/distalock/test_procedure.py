@@ -70,7 +70,7 @@ class Case(CaseClient):
     def __init__(self, room: Room) -> None:
         self.room = room
 
-    def lock_robot(self) -> None:
+    def make_robot_ready(self) -> None:
         pass
 
     def localisation_of(self, sop_instance_uid: str) -> LocalisationView:

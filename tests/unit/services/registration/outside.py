@@ -82,9 +82,11 @@ class Outside:
         self.robot_is(pose=pose)
         self.clock.now_s += 1.0
 
-    def robot_is(self, state: MotionState = MotionState.LOCKED, pose: PlatformPoseMessage = HOME) -> None:
+    def robot_is(
+        self, state: MotionState = MotionState.LOCKED, pose: PlatformPoseMessage = HOME, boot: str = "robot-1"
+    ) -> None:
         message = RobotState(
-            boot_epoch="robot-1",
+            boot_epoch=boot,
             sequence=1,
             sent_at_ns=0,
             state=state,

@@ -87,6 +87,8 @@ def test_an_accepted_image_is_planned_and_verified(outside: Outside) -> None:
     eventually(lambda: outside.ask_plan("one").code == "stale")
     outside.robot_is(MotionState.MOVING)
     eventually(lambda: outside.ask_plan("one").code == "robot_unknown")
+    outside.robot_is(boot="robot-2")
+    eventually(lambda: "started anew since the image was made" in outside.ask_plan("one").message)
     outside.robot_is()
     eventually(lambda: outside.ask_plan("one").verdict == "accepted")
     outside.clock.now_s += 600.0
