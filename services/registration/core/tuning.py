@@ -27,6 +27,7 @@ _FOREIGN: Final = fitted("by inspection on scenes of `distalock bench foreign_ob
 _EVIDENT: Final = fitted(
     "seeds 60000-60006 (decision 0019): metal 0.36 to 1.42 but for one 0.31, filters at most 0.23, local contrast 0.45"
 )
+_BESIDE: Final = fitted("by inspection: ten scenes of seeds 60007-60014 that were refused, plate 60026 (decision 0019)")
 _FILTERED: Final = fitted("`distalock bench processing --seeds fit --count 12`: bilateral filter and local contrast")
 _TAILS: Final = fitted("by inspection: seeds 60000-60023, plain and through three filters (decision 0018)")
 _PROCESSED: Final = fitted("by inspection: own scenes 30024-30063 through local contrast and filters (decision 0018)")
@@ -339,6 +340,15 @@ class ForeignObjects:
     blur_detector_mm: float = tuned(0.3525, "mm", "Gaussian before residuals are compared with the limit", _FOREIGN)
     limit_in_spreads: float = tuned(6.0, "robust sd", "darkness beyond which a pixel is foreign", _FOREIGN)
     least_pixels: int = tuned(12, "px", "fewest connected pixels that count", _FOREIGN)
+    trimmed_rounds: int = tuned(5, "1", "fits one after another in which what is darker hardly counts", _BESIDE)
+    trimmed_steps: int = tuned(4, "1", "most steps of each at full resolution", _BESIDE)
+    trimmed_from_spreads: float = tuned(4.0, "robust sd", "darkness beyond which a pixel hardly counts", _BESIDE)
+    trimmed_weight: float = tuned(
+        1e-8, "1", "what it counts: with 0.001 the background takes up a plate", derived("next to nothing")
+    )
+    clear_margin: float = tuned(
+        100.0, "1", "margin of a tilt over the next on the reduced image beyond which only it is tried", _BESIDE
+    )
     margin_detector_mm: float = tuned(0.705, "mm", "margin around an object", derived("two blur widths"))
     around_hole_in_radii: float = tuned(
         1.5, "hole radii", "surroundings of a hole that are fitted alone", derived("inside the nail's edges")

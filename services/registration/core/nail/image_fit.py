@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.acceptance.criteria import NAIL_OUTSIDE
-from services.registration.core.acceptance.image import FitEvidence
+from services.registration.core.acceptance.image import FitEvidence, fit_reasons
 from services.registration.core.estimation.pose_estimate import PoseErrors
 from services.registration.core.nail.bent_nail import bent_optimum
 from services.registration.core.nail.between_holes import spread_of_holes_mm
@@ -38,7 +38,7 @@ from services.registration.core.nail.parameters import (
 )
 from services.registration.core.nail.region import FitInput
 from services.registration.core.nail.tilt_ambiguity import GlobalOptimum, find_global_optimum
-from services.registration.core.tuning import BENT_NAIL, FINAL_STAGE, NAIL_PRIORS
+from services.registration.core.tuning import BENT_NAIL, DISPLAY_CURVE, FINAL_STAGE, NAIL_PRIORS
 from shared.errors import Rejected
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.transform import Transform
@@ -83,32 +83,52 @@ class ImageFit:
     end: FitEnd
 
 
+def is_refused(found: ImageFit | Rejected) -> bool:
+    """Whether a fit is not acceptable."""
+    return isinstance(found, Rejected) or bool(fit_reasons(found.fit.evidence))
+
+
+def is_plain(found: ImageFit | Rejected) -> bool:
+    """Whether a fit is acceptable, and its parts agree as those of plain images do."""
+    return not is_refused(found) and disagreement(found) < DISPLAY_CURVE.least_error_ratio
+
+
+def disagreement(found: ImageFit | Rejected) -> float:
+    """By how much parts of the image disagree over what noise explains; infinite without a fit."""
+    return float("inf") if isinstance(found, Rejected) else found.fit.evidence.error_ratio
+
+
 def fit_image(fit_input: FitInput, start: Transform[Camera, Nail]) -> ImageFit | Rejected:
     """The straight nail's fit, unless the pixels show a curvature that no straight nail has.
 
-    Wrong brightness between the rims looks like a bend as well: where parts of the image disagree, the curvature that
-    was found is what the straight nail's is uncertain by.
+    Wrong brightness between the rims looks like a bend as well, and so do the remains of an object that was left out:
+    where parts of the image disagree, and beside objects, the curvature that was found is what the straight nail's is
+    uncertain by.
     """
     optimum = find_global_optimum(fit_input, start)
     model = None if optimum is None else model_at(fit_input, optimum.camera_from_nail, FINAL_STAGE, 1)
     if optimum is None or model is None:
         return Rejected((NAIL_OUTSIDE.reason(),))
     straight = _refined(model, optimum)
-    problem, solution, noise = straight.problem, straight.solution, straight.noise
+    problem, solution, noise, beside = straight.problem, straight.solution, straight.noise, fit_input.objects_left_out
     freed, there = with_curvature(problem, solution)
     found, curvature_sd = _bent(straight, freed, there, optimum.bent_margin), NAIL_PRIORS.straightness_sd_per_m
     if found is not None:
-        bent, straight = found
+        end, straight = found
+        bent = _with_evidence(end, pose_errors(end.problem, end.solution, end.noise), objects_left_out=beside)
         curvature = np.array(bent.fit.curvature_per_m)
-        if bent.fit.evidence.error_ratio > BENT_NAIL.largest_error_ratio:
+        evident = is_bent(curvature, bent.fit.errors.bend_covariance)
+        if bent.fit.evidence.error_ratio > BENT_NAIL.largest_error_ratio or (beside and evident):
             curvature_sd = float(np.hypot(curvature_sd, np.linalg.norm(curvature)))
-        elif is_bent(curvature, bent.fit.errors.bend_covariance):
+        elif evident:
             return bent
-    return _with_evidence(straight, errors_of_straight(problem, solution, noise, there, curvature_sd))
+    return _with_evidence(
+        straight, errors_of_straight(problem, solution, noise, there, curvature_sd), objects_left_out=beside
+    )
 
 
-def _bent(straight: FitEnd, freed: Problem, there: Solution, bent_margin: float) -> tuple[ImageFit, FitEnd] | None:
-    """The fit with the curvature free, and the straight one with its margin over bent nails.
+def _bent(straight: FitEnd, freed: Problem, there: Solution, bent_margin: float) -> tuple[FitEnd, FitEnd] | None:
+    """The end of the fit with the curvature free, and the straight one with its margin over bent nails.
 
     None where noise explains the curvature that the straight fit leaves, and the reflected pose of a bent nail is far
     from explaining the image.
@@ -133,7 +153,7 @@ def _bent(straight: FitEnd, freed: Problem, there: Solution, bent_margin: float)
     end = FitEnd.of(problem, solution, straight.margin if margin is None else margin)
     if found.straight_margin is not None:
         straight = replace(straight, bent_margin=found.straight_margin)
-    return _with_evidence(end, pose_errors(end.problem, end.solution, end.noise)), straight
+    return end, straight
 
 
 def is_bent(curvature_per_m: NDArray[np.float64], covariance: NDArray[np.float64]) -> bool:
@@ -142,7 +162,7 @@ def is_bent(curvature_per_m: NDArray[np.float64], covariance: NDArray[np.float64
     return float(curvature_per_m @ np.linalg.solve(expected, curvature_per_m)) > BENT_NAIL.chi_square
 
 
-def _with_evidence(end: FitEnd, errors: PoseErrors) -> ImageFit:
+def _with_evidence(end: FitEnd, errors: PoseErrors, *, objects_left_out: bool) -> ImageFit:
     """The fit that ended so, its errors grown by what the model does not explain."""
     problem, solution, noise = end.problem, end.solution, end.noise
     model, parameters = problem.model, solution.parameters
@@ -156,6 +176,7 @@ def _with_evidence(end: FitEnd, errors: PoseErrors) -> ImageFit:
         bent_margin=end.bent_margin / parts.pull_ratio,
         error_ratio=parts.error_ratio,
         rim_shares=rim_shares(model.region, model.nail),
+        objects_left_out=objects_left_out,
     )
     fit = NailFit(
         camera_from_nail,

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.estimation.robust import robust_spread
 from services.registration.core.nail.background import (
     BorderedFactor,
     DesignMatrix,
@@ -37,7 +38,7 @@ from services.registration.core.nail.parameters import (
     prior_precision,
 )
 from services.registration.core.nail.region import FitRegion
-from services.registration.core.tuning import FIT_REGION, NAIL_NOISE, NAIL_SOLVER
+from services.registration.core.tuning import FIT_REGION, FOREIGN_OBJECTS, NAIL_NOISE, NAIL_SOLVER
 from shared.geometry.parts import mean_hole_direction
 
 # Guard: a parameter of no effect must not make the damped matrix singular.
@@ -322,6 +323,22 @@ def _levenberg_marquardt(
         if not converged and steps < most_steps:
             equations = _renewed(problem, here, equations)
     return Solution(here, equations, steps, converged, here.cost)
+
+
+def trimmed(problem: Problem, here: LinearSolution, most_steps: int, tolerance: float) -> Solution:
+    """A fit in which what is darker than the model hardly counts: metal only ever darkens.
+
+    Whatever lies over the nail is darker than the nail alone; what a wrong pose leaves bright keeps its weight. In the
+    cost, what is darker counts as if it were just too dark.
+    """
+    for _ in range(FOREIGN_OBJECTS.trimmed_rounds):
+        dark = here.residual < -FOREIGN_OBJECTS.trimmed_from_spreads * robust_spread(here.residual)
+        weight = problem.weight * np.where(dark, FOREIGN_OBJECTS.trimmed_weight, 1.0)
+        end = minimise_from(replace(problem, weight=weight), here, most_steps, tolerance)
+        here = end.linear
+    just_too_dark = FOREIGN_OBJECTS.trimmed_from_spreads * robust_spread(here.residual)
+    cost = here.cost + float(np.sum(problem.weight[dark])) * just_too_dark**2
+    return replace(end, linear=replace(here, cost=cost))
 
 
 def with_derivatives(problem: Problem, solution: Solution) -> Solution:

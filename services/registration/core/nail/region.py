@@ -1,6 +1,6 @@
 """The pixels that are compared, with their rays: a region along the nail around its holes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import cv2
@@ -41,6 +41,18 @@ class FitInput:
     calibration: CArmCalibration
     nail: NailPart
     occluders: Occluders
+    objects_left_out: bool = False  # whether pixels are hidden because they are darker than an earlier fit
+
+    def hiding(self, more: NDArray[np.bool_]) -> "FitInput":
+        """Input with more pixels hidden, shape of the image."""
+        hidden = self.occluders.hidden
+        return replace(self, occluders=replace(self.occluders, hidden=more if hidden is None else hidden | more))
+
+    def without_objects(self, foreign: NDArray[np.bool_]) -> "FitInput | None":
+        """Input without these pixels of objects, shape of the image; None where all were hidden before."""
+        hidden = self.occluders.hidden
+        more = bool(np.any(foreign if hidden is None else foreign & ~hidden))
+        return replace(self.hiding(foreign), objects_left_out=True) if more else None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,6 +159,11 @@ class FitRegion:
     def compared_values(self, image: NDArray[Real]) -> NDArray[np.float64]:
         """The compared pixels, shape (N,), of an image of the whole rectangle."""
         return image.ravel()[self.compared].astype(np.float64, copy=False)
+
+    def compared_in(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """The compared pixels, shape (N,), of a mask of the whole image."""
+        left, top = (int(v) for v in self.origin_px)
+        return mask[top : top + self.shape[0], left : left + self.shape[1]].ravel()[self.compared]
 
     def smoothed(self, values: NDArray[np.float64], blur_px: float) -> NDArray[np.float64]:
         """Values of the compared pixels, shape (N,), zero around them, after a Gaussian; shape of the rectangle."""

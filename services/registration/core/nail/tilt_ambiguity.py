@@ -24,6 +24,7 @@ from services.registration.core.nail.least_squares import (
     minimise,
     minimise_from,
     problem_for,
+    trimmed,
 )
 from services.registration.core.nail.parameters import (
     PARAMETER_COUNT,
@@ -38,6 +39,7 @@ from services.registration.core.nail.region import FitInput
 from services.registration.core.tuning import (
     CENTRING_STAGE,
     COMPARISON_STAGE,
+    FOREIGN_OBJECTS,
     NAIL_SOLVER,
     TILT_SEARCH_STAGE,
 )
@@ -95,6 +97,28 @@ def _optimal_poses(fit_input: FitInput, start: Transform[Camera, Nail]) -> list[
         return []
     optima = local_optima(problem_for(model, TILT_SEARCH_STAGE, POSE_ONLY), model.with_pose(prior_mean(), start))
     return [model.pose(optimum.parameters) for optimum in optima]
+
+
+def poses_beside_objects(fit_input: FitInput, start: Transform[Camera, Nail]) -> list[Transform[Camera, Nail]]:
+    """The best pose on the reduced image when what is darker hardly counts, and the next if it explains as much.
+
+    Empty when the holes lie outside the image.
+    """
+    stage = TILT_SEARCH_STAGE
+    model = model_at(fit_input, start, stage, _reduction(fit_input, start, stage.hole_width_px))
+    if model is None:
+        return []
+    problem, initial = problem_for(model, stage, POSE_ONLY), model.with_pose(prior_mean(), start)
+
+    def found_from(tilt: NDArray[np.float64]) -> Solution:
+        begun = minimise(problem, _tilted(initial, tilt), stage.screening_steps, NAIL_SOLVER.coarse_tolerance)
+        return trimmed(problem, begun.linear, stage.screening_steps, NAIL_SOLVER.coarse_tolerance)
+
+    best, *others = distinct([found_from(tilt) for tilt in _starting_tilts(initial, level_tilts(model.nail))])
+    # the noise is not known: by its estimate from what each leaves, this is the logarithm of the likelihood ratio
+    margins = (0.5 * len(problem.weight) * np.log(other.cost / best.cost) for other in others[:1])
+    near = [other for other, margin in zip(others, margins, strict=False) if margin < FOREIGN_OBJECTS.clear_margin]
+    return [model.pose(one.parameters) for one in (best, *near)]
 
 
 def local_optima(problem: Problem, start: NDArray[np.float64]) -> list[Solution]:
