@@ -21,7 +21,7 @@ from services.registration.core.nail.least_squares import (
     problem_for,
     trimmed,
 )
-from services.registration.core.nail.left_out import around_holes, beyond_foreign, foreign_pixels
+from services.registration.core.nail.left_out import around_holes, beyond_foreign, foreign_in_region, foreign_pixels
 from services.registration.core.nail.parameters import STRAIGHT_DISPLAY, prior_mean
 from services.registration.core.nail.region import FitInput
 from services.registration.core.nail.tilt_ambiguity import poses_beside_objects
@@ -65,8 +65,12 @@ def fit_beside_objects(
 def _without_objects(
     fit_input: FitInput, start: Transform[Camera, Nail], as_shown: ImageFit | Rejected
 ) -> tuple[FitInput, ImageFit | Rejected]:
-    """The fit whose parts agree best, and its input: without what is darker than either of the two best tilts."""
-    if isinstance(as_shown, Rejected) or is_plain(as_shown):
+    """The fit whose parts agree best, and its input: without what is darker than either of the two best tilts.
+
+    Only where the fit of the image as it is leaves something dark: a nail with smaller holes than its file's is darker
+    than the file's nail, and is not one with an object over each rim.
+    """
+    if isinstance(as_shown, Rejected) or is_plain(as_shown) or not _leaves_something_dark(as_shown):
         return fit_input, as_shown
     poses = poses_beside_objects(fit_input, as_shown.fit.camera_from_nail)
     rounds = [one for pose in poses for one in _rounds(fit_input, start, pose)]
@@ -79,6 +83,11 @@ def _without_objects(
     if any(_are_apart(best.fit.camera_from_nail, other, fit_input.nail) for other in accepted):
         best = _ambiguous(best)
     return best_input, best
+
+
+def _leaves_something_dark(found: ImageFit) -> bool:
+    region, linear = found.end.problem.model.region, found.end.solution.linear
+    return bool(np.any(foreign_in_region(region, linear.residual, found.end.noise.variance)))
 
 
 def _ambiguous(found: ImageFit) -> ImageFit:

@@ -111,19 +111,25 @@ def foreign_pixels(
     residual, variance
         Measured less modelled grey value and its noise, shape (N,); `region` has the image's own pixels.
     """
-    s, pixel_mm = FOREIGN_OBJECTS, region.sampling.pixel_mm
-    smooth = region.smoothed(residual / np.sqrt(variance), pixels_of(s.blur_detector_mm, pixel_mm))
+    found = foreign_in_region(region, residual, variance).astype(np.uint8)
+    margin_px = whole_pixels(FOREIGN_OBJECTS.margin_detector_mm, region.sampling.pixel_mm)
+    mask = np.zeros(image_shape, dtype=bool)
+    left, top = (int(v) for v in region.origin_px)
+    mask[top : top + region.shape[0], left : left + region.shape[1]] = _widened(found, margin_px)
+    return mask
+
+
+def foreign_in_region(
+    region: FitRegion, residual: NDArray[np.float64], variance: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """The same without a margin, shape of the region's rectangle."""
+    s = FOREIGN_OBJECTS
+    smooth = region.smoothed(residual / np.sqrt(variance), pixels_of(s.blur_detector_mm, region.sampling.pixel_mm))
     limit = s.limit_in_spreads * robust_spread(region.compared_values(smooth))
     dark = (smooth < -limit).astype(np.uint8)
     _, labels, sizes, _ = cv2.connectedComponentsWithStats(dark, connectivity=8)
     large = np.flatnonzero(sizes[:, cv2.CC_STAT_AREA] >= s.least_pixels)
-    found = np.isin(labels, large[large > 0]).astype(np.uint8)
-    mask = np.zeros(image_shape, dtype=bool)
-    left, top = (int(v) for v in region.origin_px)
-    mask[top : top + region.shape[0], left : left + region.shape[1]] = _widened(
-        found, whole_pixels(s.margin_detector_mm, pixel_mm)
-    )
-    return mask
+    return np.isin(labels, large[large > 0])
 
 
 def _widened(mask: NDArray[np.uint8], margin_px: int) -> NDArray[np.bool_]:
