@@ -155,7 +155,7 @@ class Agreement:
         """
         ratio = self.error_ratio
         grown = errors.with_image_errors_times(ratio, float(np.sqrt(ratio)), ratio)
-        excess = max(abs(self.scale_excess) - AGREEMENT_OF_PARTS.usual_scale_excess, 0.0)
+        excess = np.sqrt(max(self.scale_excess**2 - AGREEMENT_OF_PARTS.usual_scale_excess**2, 0.0))
         depth_error_mm = excess * float(np.linalg.norm(camera_from_nail.translation_mm))
         along_ray = np.concatenate([np.zeros(3), depth_error_mm * ray_to(camera_from_nail)])
         return grown.with_more(np.outer(along_ray, along_ray) + self._turned(nail))
