@@ -98,7 +98,11 @@ def test_holes_that_are_turned_against_one_another_leave_the_nails_tilt_as_uncer
 
 
 def test_a_nail_that_appears_larger_may_be_nearer() -> None:
-    larger = replace(USUAL, scale_excess=0.013).widened(ERRORS, POSE, NAIL).image_covariance
+    larger = (
+        replace(USUAL, scale_excess=np.hypot(0.01, AGREEMENT_OF_PARTS.usual_scale_excess))
+        .widened(ERRORS, POSE, NAIL)
+        .image_covariance
+    )
     expected_mm = 0.01 * np.linalg.norm(POSE.translation_mm)
     ray = POSE.rotation.T @ POSE.translation_mm / np.linalg.norm(POSE.translation_mm)
     across = np.cross(ray, [1.0, 0.0, 0.0])
