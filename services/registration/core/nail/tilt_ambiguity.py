@@ -115,10 +115,9 @@ def poses_beside_objects(fit_input: FitInput, start: Transform[Camera, Nail]) ->
         return trimmed(problem, begun.linear, stage.screening_steps, NAIL_SOLVER.coarse_tolerance)
 
     best, *others = distinct([found_from(tilt) for tilt in _starting_tilts(initial, level_tilts(model.nail))])
-    # the noise is not known: by its estimate from what each leaves, this is the logarithm of the likelihood ratio
-    margins = (0.5 * len(problem.weight) * np.log(other.cost / best.cost) for other in others[:1])
-    near = [other for other, margin in zip(others, margins, strict=False) if margin < FOREIGN_OBJECTS.clear_margin]
-    return [model.pose(one.parameters) for one in (best, *near)]
+    # with the noise estimated from what each leaves, the logarithm of the likelihood ratio is N/2 log(cost/cost)
+    largest = best.cost * np.exp(2.0 * FOREIGN_OBJECTS.clear_margin / len(problem.weight))
+    return [model.pose(one.parameters) for one in (best, *others[:1]) if one.cost < largest]
 
 
 def local_optima(problem: Problem, start: NDArray[np.float64]) -> list[Solution]:
