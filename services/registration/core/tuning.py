@@ -677,6 +677,9 @@ class NailAsBuilt:
     usual_place_sd_mm: float = tuned(
         0.5, "mm", "of a hole beside its place", derived("where no edge of the nail shows")
     )
+    usual_turn_sd_deg: float = tuned(
+        10.0, "°", "of a hole beside its direction", derived("where no pixel shows a hole")
+    )
     much_displaced_mm: float = tuned(0.03, "mm", "spread from where a refusal names it", derived("0.1 mm of an entry"))
 
 

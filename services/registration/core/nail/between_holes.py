@@ -32,10 +32,12 @@ def turns_between_holes(problem: Problem, solution: Solution, noise: NoiseModel)
     holes = len(problem.model.nail.holes)
     if holes == 1:
         return np.zeros((2, 2))
-    turned = with_changes(problem, solution, derivatives_by_hole_turns(solution.linear.model, solution.linear.traced))
+    precision = np.radians(NAIL_AS_BUILT.usual_turn_sd_deg) ** -2
+    derivatives = derivatives_by_hole_turns(solution.linear.model, solution.linear.traced)
+    turned = with_changes(problem, solution, derivatives, precision)
     own = turns_of_holes(holes)
     by_model = np.radians(MODEL_ERRORS.tilt_deg) ** 2 * np.linalg.inv(own.T @ own)
-    found, share = _found_beyond_noise(problem, turned, noise, np.kron(by_model, np.eye(2)), 0.0)
+    found, share = _found_beyond_noise(problem, turned, noise, np.kron(by_model, np.eye(2)), precision)
     turns = own @ found.reshape(holes - 1, 2)
     return np.asarray(share * turns.T @ turns / holes)
 

@@ -38,3 +38,15 @@ def fit_with_hole_aside(aside_mm: float) -> NailFit:
 def test_the_spread_of_the_holes_is_that_of_their_places(aside_mm: float, least_mm: float, most_mm: float) -> None:
     # of one hole 0.12 mm aside among two the rms is 0.085 mm
     assert least_mm <= fit_with_hole_aside(aside_mm).hole_spread_mm <= most_mm
+
+
+def test_a_hole_of_which_no_pixel_is_left_has_no_turn_of_its_own() -> None:
+    view = calibration(SIZE_PX)
+    pixels = render(Scene(SIZE_PX, PARTS.nail, CAMERA_FROM_NAIL), view, 5)
+    middle = view.image_from_camera(CAMERA_FROM_NAIL @ np.array([-15.0, 0.0, 0.0]))
+    rows, columns = np.ogrid[:SIZE_PX, :SIZE_PX]
+    hidden = np.hypot(columns - middle[0], rows - middle[1]) < 45.0
+    given = FitInput(pixels, view, PARTS.nail, Occluders(None, PARTS.ring, hidden=hidden))
+    found = measure_nail(given, turned_nail((3.0, -1.5)))
+    assert isinstance(found, Accepted)
+    assert np.all(np.isfinite(found.value.errors.covariance))
