@@ -122,15 +122,7 @@ class CaseClient:
         return operation
 
     def make_robot_ready(self) -> None:
-        """Bring the robot to where it may move and an image may be taken, from whatever state it is in.
-
-        Raises
-        ------
-        NotDone
-            When that takes longer than a minute.
-        RequestRefused
-            When a command is refused.
-        """
+        """Bring the robot to where it may move and an image may be taken; raises `NotDone`, `RequestRefused`."""
         make_robot_ready(self._client)
 
     def abandon(self, why: str) -> None:

@@ -27,7 +27,7 @@ _FOREIGN: Final = fitted("by inspection on scenes of `distalock bench foreign_ob
 _EVIDENT: Final = fitted(
     "seeds 60000-60006 (decision 0019): metal 0.36 to 1.42 but for one 0.31, filters at most 0.23, local contrast 0.45"
 )
-_BESIDE: Final = fitted("by inspection: ten scenes of seeds 60007-60014 that were refused, plate 60026 (decision 0019)")
+_BESIDE: Final = fitted("by inspection: ten refused or far off of seeds 60007-60014, plate 60026 (decision 0019)")
 _FILTERED: Final = fitted("`distalock bench processing --seeds fit --count 12`: bilateral filter and local contrast")
 _TAILS: Final = fitted("by inspection: seeds 60000-60023, plain and through three filters (decision 0018)")
 _PROCESSED: Final = fitted("by inspection: own scenes 30024-30063 through local contrast and filters (decision 0018)")
@@ -336,7 +336,7 @@ class ForeignObjects:
 
     black_window_px: int = tuned(5, "px", "side of the square in which black pixels are counted", _INSPECTION)
     largest_black_share: float = tuned(0.06, "1", "share of black pixels that is tolerated", _CUT)
-    most_rounds: int = tuned(2, "1", "fits after which more may be left out", _FOREIGN)
+    most_rounds: int = tuned(2, "1", "fits from each tilt, each without what is darker", _FOREIGN)
     blur_detector_mm: float = tuned(0.3525, "mm", "Gaussian before residuals are compared with the limit", _FOREIGN)
     limit_in_spreads: float = tuned(6.0, "robust sd", "darkness beyond which a pixel is foreign", _FOREIGN)
     least_pixels: int = tuned(12, "px", "fewest connected pixels that count", _FOREIGN)

@@ -163,7 +163,7 @@ def _without_what_is_darker(
 
 
 def _begun(problem: Problem, start: NDArray[np.float64], trusted: NDArray[np.bool_] | None) -> LinearSolution:
-    """Where the trimmed fit begins; the background where nothing is trusted goes on from where it is."""
+    """Where the trimmed fit begins: as given, or at a fit of the trusted pixels, whose background goes on elsewhere."""
     if trusted is None:
         return linear_solution_at(problem, start)
     share = np.where(problem.model.region.compared_in(trusted), 1.0, FOREIGN_OBJECTS.trimmed_weight)
