@@ -1,11 +1,12 @@
 """What people enter when they open a case of the campaign, rightly or wrongly."""
 
+import json
 from typing import Final
 
 import numpy as np
 
 from benchmarks.campaign.troubles import Error, Troubles
-from services.ui_api.handlers.cases import SetupRequest
+from services.ui_api.routes.bodies import CaseBody
 from simulation.control.models import scenario_body
 from simulation.scenario.values import Scenario
 
@@ -19,34 +20,27 @@ NAILS: Final = (
 )
 
 
-def set_up(scenario: Scenario, troubles: Troubles | None) -> SetupRequest:
-    """What people enter when they open the case; without troubles what is right."""
-    given = scenario_body(scenario).case
-    side, nail, extension_mm = given.side.value, given.nail, given.head_extension_mm
+def set_up(scenario: Scenario, troubles: Troubles | None) -> CaseBody:
+    """What people enter when they open the case; without troubles what is right.
+
+    Raises
+    ------
+    ValidationError
+        The gateway refuses what was entered.
+    """
+    entry = scenario_body(scenario).case.model_dump(mode="json")
+    entry["drill_diameter_mm"] = scenario.drilling.diameter_mm
     match None if troubles is None else troubles.error:
         case Error.WRONG_SIDE:
-            side = "left" if side == "right" else "right"
+            entry["side"] = "left" if entry["side"] == "right" else "right"
         case Error.WRONG_NAIL:
-            nail = another_nail(scenario)
+            entry["nail"] = another_nail(scenario)
         case Error.WRONG_EXTENSION:
             assert troubles is not None
-            extension_mm += troubles.size if extension_mm < 70.0 else -troubles.size
+            entry["head_extension_mm"] += troubles.size if entry["head_extension_mm"] < 70.0 else -troubles.size
         case _:
             pass
-    return SetupRequest(
-        side=side,
-        bone=given.bone.value,
-        mount=given.mount.value,
-        head_extension_mm=extension_mm,
-        ring=given.ring,
-        guide=given.guide,
-        nail=nail,
-        hexapod=given.hexapod,
-        guide_calibration=None,
-        nominal_source_to_detector_mm=given.nominal_source_to_detector_mm,
-        nominal_pixel_mm=given.nominal_pixel_mm,
-        drill_diameter_mm=scenario.drilling.diameter_mm,
-    )
+    return CaseBody.model_validate_json(json.dumps(entry))
 
 
 def another_nail(scenario: Scenario) -> str:

@@ -2,6 +2,7 @@
 
 import tempfile
 import time
+import traceback
 from pathlib import Path
 
 from benchmarks.campaign.harm import MotionWatch, harm_of
@@ -25,9 +26,9 @@ def play(seed: int) -> CaseRow:
         system = System(rig, Path(folder))
         room, watch = CampaignRoom(scenario, rig, troubles), MotionWatch(rig)
         procedure = Procedure(scenario, system, room, watch, troubles)
-        why = procedure.run()
+        why, crashes = _run(procedure)
         system.close()
-    harms = (*watch.harms, *filter(None, (harm_of(hole) for hole in procedure.holes)))
+    harms = (*watch.harms, *crashes, *filter(None, (harm_of(hole) for hole in procedure.holes)))
     return CaseRow(
         seed=seed,
         error=troubles.error.value,
@@ -45,6 +46,16 @@ def play(seed: int) -> CaseRow:
         stops=procedure.stops,
         took_s=time.process_time() - begun,
     )
+
+
+def _run(procedure: Procedure) -> tuple[str, tuple[str, ...]]:
+    """Why it did not end with drilled holes, and what ended it that nobody foresaw: counted, so that a run goes on."""
+    try:
+        return procedure.run(), ()
+    except Exception as error:  # noqa: BLE001  # whatever it is, it is a row
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        crash = f"crash: {type(error).__name__} in {Path(place.filename).name}:{place.lineno}: {error}"
+        return crash, (crash,)
 
 
 def _ending(harms: tuple[str, ...], procedure: Procedure, why: str) -> Ending:

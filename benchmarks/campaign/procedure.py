@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
+from pydantic import ValidationError
 
 from benchmarks.campaign.case_entry import set_up
 from benchmarks.campaign.harm import UNHEARD, MotionWatch
@@ -21,6 +22,7 @@ from services.ui_api.handlers.commands import PlainVerb
 from services.ui_api.handlers.planning import MotionRequest, PlanBasis
 from services.ui_api.handlers.refusals import Refused
 from services.ui_api.record.unit_of_work import UnitOfWork
+from services.ui_api.routes.invalid_request import wrongs_of
 from shared.errors import ReasonCode
 from shared.messages.base import decode
 from shared.messages.registration import LocalisationRecord, Plan, Verification
@@ -189,8 +191,16 @@ class Procedure:
 
     def _open(self) -> None:
         self.moment = Moment.OPEN
+        try:
+            body = set_up(self.scenario, self.troubles)
+        except ValidationError as error:  # nobody gets further with such an entry: it is read again
+            self._note(
+                "invalid_request",
+                wrongs_of([{**one, "loc": ("body", *one["loc"])} for one in error.errors()])[0].message,
+            )
+            body, self.mended = set_up(self.scenario, None), True
         with self._asked() as unit:
-            self.system.cases.open_case(unit, set_up(self.scenario, self.troubles), WHO.name)
+            self.system.cases.open_case(unit, body.request(), WHO.name)
         self.watch.wrong_side = self.troubles.error is Error.WRONG_SIDE
         self._wait(3 * _TICK_S)
 
@@ -204,7 +214,8 @@ class Procedure:
             if verb is not None:
                 self._plain(verb)
             self._wait(0.6)
-        detail = self._robot.detail or self._robot.state
+        newest = next(reversed(self.system.record.ledger.operations.values()), None)
+        detail = (newest.message if newest else "") or self._robot.detail or self._robot.state
         self._note("robot_not_ready", f"the robot does not become ready: {detail}")
         raise GaveUp(self._last())
 
@@ -466,7 +477,7 @@ class Procedure:
         else:
             with self._asked() as unit:
                 self.system.cases.change_setup(
-                    unit, self._case.case_id, set_up(self.scenario, None), WHO.name, "it was wrong"
+                    unit, self._case.case_id, set_up(self.scenario, None).request(), WHO.name, "it was wrong"
                 )
             self.watch.wrong_side = False
 
