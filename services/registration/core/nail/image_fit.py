@@ -109,12 +109,19 @@ def fit_image(fit_input: FitInput, start: Transform[Camera, Nail]) -> ImageFit |
     model = None if optimum is None else model_at(fit_input, optimum.camera_from_nail, FINAL_STAGE, 1)
     if optimum is None or model is None:
         return Rejected((NAIL_OUTSIDE.reason(),))
-    straight = _refined(model, optimum)
-    problem, solution, noise, beside = straight.problem, straight.solution, straight.noise, fit_input.objects_left_out
-    freed, there = with_curvature(problem, solution)
-    found, curvature_sd = _bent(straight, freed, there, optimum.bent_margin), NAIL_PRIORS.straightness_sd_per_m
-    if found is not None:
-        end, straight = found
+    straight, beside = _refined(model, optimum), fit_input.objects_left_out
+    freed, there = with_curvature(straight.problem, straight.solution)
+
+    def held_straight(end: FitEnd, curvature_sd: float) -> ImageFit:
+        errors = errors_of_straight(end.problem, end.solution, end.noise, there, curvature_sd)
+        return _with_evidence(end, errors, objects_left_out=beside)
+
+    curvature_sd = NAIL_PRIORS.straightness_sd_per_m
+    if beside and is_refused(found := held_straight(straight, curvature_sd)):
+        return found  # no bend is believed here, and none makes up for why the straight nail is refused
+    ends = _bent(straight, freed, there, optimum.bent_margin)
+    if ends is not None:
+        end, straight = ends
         bent = _with_evidence(end, pose_errors(end.problem, end.solution, end.noise), objects_left_out=beside)
         curvature = np.array(bent.fit.curvature_per_m)
         evident = is_bent(curvature, bent.fit.errors.bend_covariance)
@@ -122,9 +129,7 @@ def fit_image(fit_input: FitInput, start: Transform[Camera, Nail]) -> ImageFit |
             curvature_sd = float(np.hypot(curvature_sd, np.linalg.norm(curvature)))
         elif evident:
             return bent
-    return _with_evidence(
-        straight, errors_of_straight(problem, solution, noise, there, curvature_sd), objects_left_out=beside
-    )
+    return held_straight(straight, curvature_sd)
 
 
 def _bent(straight: FitEnd, freed: Problem, there: Solution, bent_margin: float) -> tuple[FitEnd, FitEnd] | None:
