@@ -40,8 +40,8 @@ makes one scene, `benchmarks.robustness.rows.localised(scene)` scores it. `--row
 parameters, the control's verdict, codes, errors and predictions hole by hole; `--before FILE` puts the rows of an
 earlier revision beside those of this one. Rows of
 judged scenes are kept in [rows](rows), each with its revision: with `--rows docs/benchmarks/rows/<bench>.jsonl` a run
-goes on from them, for as long as the estimation is the same; those of the estimation before are in
-[rows/earlier](rows/earlier).
+goes on from them, for as long as the estimation is the same. What earlier changes did to the same images is in
+[before and after each change](robustness-changes.md), rows of those revisions in [rows/earlier](rows/earlier).
 
 """
 _COLUMNS = (

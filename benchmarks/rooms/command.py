@@ -1,6 +1,6 @@
 """Rooms at one site: whether a room notices another's flood or the site's loss, and what each room costs.
 
-usage: distalock bench rooms [--rounds 8] [--seconds 4] [--most 16] [--report FILE]
+usage: distalock bench rooms [--rounds 12] [--seconds 3] [--most 16] [--report FILE]
 
 Three rooms, each with a router, an exporter and light services (the messages of the services, without their work), show
 themselves to a site router under mutual TLS, over a relay that delays, loses and parts. The measured room has a
@@ -14,6 +14,7 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -21,12 +22,14 @@ import numpy as np
 
 from benchmarks.common.places import PAGES
 from benchmarks.rooms.figures import Disturbance, Figures, Growth
-from benchmarks.rooms.hospital import Hospital, Latencies, processor_s, resident_mib
+from benchmarks.rooms.hospital import Hospital, Latencies, Room, processor_s, resident_mib
 from benchmarks.rooms.page import page
 from shared.arguments import OneLineParser
 
 REPORT: Final = PAGES / "rooms.md"
 ROOMS: Final = ("or1", "or2", "or3")
+# Has the same floods on the same processor, linked to nothing: what they do to a room's machine alone.
+ELSEWHERE: Final = "elsewhere"
 LIMIT: Final = 1.1
 DELAY_S: Final = 0.02
 LOSS: Final = 0.02
@@ -38,8 +41,8 @@ _GROWTH_S: Final = 6.0
 def main(arguments: Sequence[str] = ()) -> int:
     """Measure, write the page; 0 when every ratio holds."""
     parser = OneLineParser(prog="distalock bench rooms", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=8, help="rounds of each disturbance (8)")
-    parser.add_argument("--seconds", type=float, default=4.0, help="of each half of a round (4)")
+    parser.add_argument("--rounds", type=int, default=12, help="rounds of each disturbance (12)")
+    parser.add_argument("--seconds", type=float, default=3.0, help="of each half of a round (3)")
     parser.add_argument("--most", type=int, default=16, help="rooms at one site in the end (16)")
     parser.add_argument("--report", type=Path, default=REPORT, help="file for the page")
     given = parser.parse_args(list(arguments))
@@ -59,39 +62,52 @@ def measured(given: argparse.Namespace) -> Figures:
         for name in ROOMS:
             room = hospital.add_room(name)
             room.network.delay_s = DELAY_S
+        # on the processor of everybody else, as this process is by now
+        elsewhere = Hospital(folder / ELSEWHERE, (ELSEWHERE,), stack, own_cores=False)
+        elsewhere.add_room(ELSEWHERE).network.delay_s = DELAY_S
+        flooded = partial(_flooding_room, hospital), partial(_flooding_room, elsewhere)
+        by_key = partial(_flooding_site, hospital), partial(_flooding_site, elsewhere)
+        room = hospital.rooms[0]
         disturbances = [
-            _disturbed(hospital, given, "another room floods its bus and the site", _flooding_room),
-            _disturbed(hospital, given, "a stolen key of another room floods the site", _flooding_site),
-            _disturbed(hospital, given, f"the site loses {LOSS:.0%} of the segments", _lossy),
-            _disturbed(hospital, given, "the site is cut off", _parted),
+            _disturbed(room, given, "another room floods its bus and the site", *flooded),
+            _disturbed(room, given, "a stolen key of another room floods the site", *by_key),
+            _disturbed(room, given, f"the site loses {LOSS:.0%} of the segments", partial(_lossy, hospital), _nothing),
+            _disturbed(room, given, "the site is cut off", partial(_parted, hospital), _nothing),
         ]
+        of_machine = _disturbed(room, given, "a room that is linked to nothing floods its bus", flooded[1], _nothing)
         seen_again_s = _seen_again_s(hospital)
-    return Figures(disturbances, seen_again_s, grown(given.most))
+    return Figures(disturbances, of_machine, seen_again_s, grown(given.most))
 
 
-Disturb = Callable[[Hospital], Callable[[], object]]
+# Begins something, and returns what ends it.
+Disturb = Callable[[], Callable[[], object]]
 
 
-def _disturbed(hospital: Hospital, given: argparse.Namespace, name: str, disturb: Disturb) -> Disturbance:
-    quiet, disturbed, room = list[Latencies](), list[Latencies](), hospital.rooms[0]
+def _disturbed(room: Room, given: argparse.Namespace, name: str, disturb: Disturb, control: Disturb) -> Disturbance:
+    """Rounds of the room, one half of each beside the control and the other beside the disturbance."""
+    quiet, disturbed = list[Latencies](), list[Latencies]()
     for _ in range(given.rounds):
-        quiet.append(room.measure(given.seconds))
-        end = disturb(hospital)
-        time.sleep(_SETTLE_S)
-        disturbed.append(room.measure(given.seconds))
-        end()
-        time.sleep(_SETTLE_S)
+        for begin, found in ((control, quiet), (disturb, disturbed)):
+            end = begin()
+            time.sleep(_SETTLE_S)
+            found.append(room.measure(given.seconds))
+            end()
+            time.sleep(_SETTLE_S)
     print(f"{name}: done", file=sys.stderr, flush=True)
     return Disturbance(name, quiet, disturbed)
 
 
+def _nothing() -> Callable[[], object]:
+    return lambda: None
+
+
 def _flooding_room(hospital: Hospital) -> Callable[[], object]:
-    hospital.rooms[1].ask("flood on")
-    return lambda: hospital.rooms[1].ask("flood off")
+    hospital.rooms[-1].ask("flood on")
+    return lambda: hospital.rooms[-1].ask("flood off")
 
 
 def _flooding_site(hospital: Hospital) -> Callable[[], object]:
-    return hospital.flood_site(ROOMS[1]).kill
+    return hospital.flood_site(hospital.rooms[-1].name).kill
 
 
 def _lossy(hospital: Hospital) -> Callable[[], object]:

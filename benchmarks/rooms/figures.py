@@ -14,7 +14,7 @@ class Disturbance:
     Attributes
     ----------
     quiet, disturbed
-        Latencies by kind, round by round, in seconds.
+        Latencies by kind, round by round, in seconds. Quiet beside a flood is beside the same one, linked to nothing.
     """
 
     name: str
@@ -56,8 +56,15 @@ class Growth:
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """All that the page says."""
+    """All that the page says.
+
+    Attributes
+    ----------
+    of_machine
+        A flood that is linked to nothing: what the processors of one machine do to one another.
+    """
 
     disturbances: list[Disturbance]
+    of_machine: Disturbance
     seen_again_s: float
     growth: list[Growth]

@@ -21,7 +21,9 @@ machine's kernel has no `netem`, so loss is what a program on TCP sees of it (a 
 
 ## A room beside a disturbance
 
-A ratio is the median over the rounds of the ratio of medians, with and without; the limit is {limit:g}.
+A ratio is the median over the rounds of the ratio of medians, with and without; the limit is {limit:g}. Processors of
+one machine slow one another, machines in a hospital do not: rounds without a flood have the same flood on the same
+processor, at a site that is linked to nothing. What that alone does is in the last row, which has no limit.
 
 | meanwhile | of | median without -> with | 99 % without -> with | ratio | no answer without -> with |
 |---|---|---|---|---|---|
@@ -39,7 +41,7 @@ shares are of one processor.
 
 def page(figures: Figures, limit: float) -> str:
     """The page."""
-    rows = "".join(row for one in figures.disturbances for row in _disturbance(one))
+    rows = "".join(row for one in (*figures.disturbances, figures.of_machine) for row in _disturbance(one))
     growth = "".join(map(_growth, figures.growth))
     again = (
         f"\nAfter a partition the desk sees the room again in {figures.seen_again_s:.1f} s; it shows a room as silent "
