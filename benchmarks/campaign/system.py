@@ -6,8 +6,10 @@ has tests and benchmarks with real processes: DICOM, HTTP and users, TLS, thread
 """
 
 from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from functools import partial
 from pathlib import Path
-from typing import Final, cast
+from typing import Any, Final, cast
 
 import numpy as np
 import structlog
@@ -24,7 +26,7 @@ from services.ui_api.core.case import Case
 from services.ui_api.core.identity import Approver, Authenticated
 from services.ui_api.handlers.bus_refusals import BusRefusalLog
 from services.ui_api.handlers.cases import CaseHandler
-from services.ui_api.handlers.commands import CommandHandler, _Waiting
+from services.ui_api.handlers.commands import CommandHandler
 from services.ui_api.handlers.context import ContextHandler
 from services.ui_api.handlers.inbox import Inbox
 from services.ui_api.handlers.leases import Leases
@@ -55,21 +57,23 @@ _IMAGES_HELD: Final = 64
 _S_TO_NS: Final = 1e9
 
 
-class _Sender:
+class _Sender(Executor):
     """Commands that wait to be sent; they are sent when the transaction that recorded them has ended."""
 
     def __init__(self) -> None:
-        self.waiting: list[tuple[Callable[[_Waiting], None], _Waiting]] = []
+        self._waiting: list[tuple[Future[Any], Callable[[], Any]]] = []
 
-    def submit(self, work: Callable[[_Waiting], None], waiting: _Waiting) -> None:
+    def submit(self, work: Callable[..., Any], /, *given: Any, **named: Any) -> Future[Any]:
         """Keep a command."""
-        self.waiting.append((work, waiting))
+        sending: Future[Any] = Future()
+        self._waiting.append((sending, partial(work, *given, **named)))
+        return sending
 
     def send(self) -> None:
         """Send what waits, in order."""
-        while self.waiting:
-            work, waiting = self.waiting.pop(0)
-            work(waiting)
+        while self._waiting:
+            sending, work = self._waiting.pop(0)
+            sending.set_result(work())
 
 
 class System:
@@ -98,10 +102,10 @@ class System:
         self.stops = StopHandler(self.bus, KEYS, "gateway")
         permits = PermitHandler(self.record, SIGNER)
         leases = Leases(clock, 1.0, lambda _: None)
-        self.commands = CommandHandler(self.bus, KEYS, self.record, self.view, self.stops, leases, clock, permits)
-        self.commands._sender.shutdown()
         self._sender = _Sender()
-        self.commands._sender = self._sender  # type: ignore[assignment]  # of an executor, `submit` is all that is used
+        self.commands = CommandHandler(
+            self.bus, KEYS, self.record, self.view, self.stops, leases, clock, permits, sender=self._sender
+        )
         context = ContextHandler(self.bus, KEYS, self.record)
         self.procedure = ProcedureHandler(self.record, self.view)
         self.cases = CaseHandler(self.record, context.announce, lambda: None, lambda _: True, self.procedure)
@@ -111,33 +115,17 @@ class System:
         self._inbox = Inbox(
             self.bus, KEYS, self.record, self.view, self.commands, BusRefusalLog(clock), log, _IMAGES_HELD
         )
-        self._listen()
-
-    def _listen(self) -> None:
-        """Everybody hears what it hears in an installation; the work that it makes is done by `settle`."""
-        registration, inbox = self._registration, self._inbox
-        for key, handler in (
-            (KEYS.robot_state, registration._on_robot),
-            (KEYS.case_context, registration._on_case),
-            (KEYS.frame, registration._on_frame),
-            (KEYS.calibration, registration._on_calibration),
-            (KEYS.calibration, inbox._recorded_later(inbox._calibration)),
-            (KEYS.localisation, inbox._recorded_later(inbox._localisation)),
-            (KEYS.robot_state, inbox._robot_state),
-        ):
-            self.bus.subscribe(key, handler)
-        self.bus.subscribe_attachments(KEYS.frame, inbox._frame_later)
-        self.bus.queryable(KEYS.plan_request, registration._on_plan_request)
-        self.bus.queryable(KEYS.verification_request, registration._on_verification_request)
+        # the work that this makes is done by `settle`
+        self._registration.listen()
+        self._inbox.listen()
 
     def settle(self) -> None:
         """Do what waits: send commands, localise images, record what came in."""
         self._sender.send()
-        while (job := self._registration._jobs.take(0.0)) is not None:
-            self._registration._localise(job)
-            self._registration._jobs.done()
-        while (work := self._inbox._queue.take(0.0)) is not None:
-            work()
+        while (job := self._registration.next_image(0.0)) is not None:
+            self._registration.localise(job)
+        while self._inbox.record_next(0.0):
+            pass
         if self.rig.epoch != self.registration_state.epoch:  # registration says so at once, as after every change
             self.rig.epoch = self.registration_state.epoch
             self.rig.give_signs_of_life()

@@ -25,7 +25,7 @@ from services.registration.settings import RegistrationSettings
 from services.registration.state import RegistrationState
 from services.registration.view_report import view_of_nail
 from shared.bus.frame_paths import FramePaths
-from shared.bus.port import Answer, Bus, Query, Sample
+from shared.bus.port import Answer, Bus, Query, Sample, Subscription
 from shared.errors import Accepted, BusError, InputError
 from shared.messages.base import decode, encode
 from shared.messages.cases import CaseContext
@@ -73,7 +73,6 @@ class RegistrationService:
     @contextmanager
     def running(self) -> Iterator[None]:
         """Listen, work and answer for as long as the context lasts."""
-        keys, bus = self._runtime.keys, self._bus
         with ExitStack() as stack:
             stack.enter_context(self._guidance.running())
             worker = supervised_thread("localise", self._work)
@@ -84,17 +83,22 @@ class RegistrationService:
             epochs.start()
             stack.callback(epochs.join, 5.0)
             stack.callback(self._left.set)
-            for declared in (
-                bus.subscribe_retained(keys.robot_state, self._on_robot),
-                bus.subscribe_retained(keys.case_context, self._on_case),
-                bus.subscribe(keys.frame, self._on_frame),
-                bus.subscribe_retained(keys.calibration, self._on_calibration),
-                bus.queryable(keys.plan_request, self._on_plan_request),
-                bus.queryable(keys.localisation_request, self._on_localisation_request),
-                bus.queryable(keys.verification_request, self._on_verification_request),
-            ):
+            for declared in self.listen():
                 stack.callback(declared.close)
             yield
+
+    def listen(self) -> tuple[Subscription, ...]:
+        """Begin to note what comes and to answer; what waits then is localised by whoever takes it."""
+        keys, bus = self._runtime.keys, self._bus
+        return (
+            bus.subscribe_retained(keys.robot_state, self._on_robot),
+            bus.subscribe_retained(keys.case_context, self._on_case),
+            bus.subscribe(keys.frame, self._on_frame),
+            bus.subscribe_retained(keys.calibration, self._on_calibration),
+            bus.queryable(keys.plan_request, self._on_plan_request),
+            bus.queryable(keys.localisation_request, self._on_localisation_request),
+            bus.queryable(keys.verification_request, self._on_verification_request),
+        )
 
     def _on_robot(self, sample: Sample) -> None:
         self._state.note_robot(decode(RobotState, sample.payload))
@@ -198,12 +202,12 @@ class RegistrationService:
     def _work(self) -> None:
         """Localise in the newest image that waits."""
         while not self._runtime.stop.is_set():
-            job = self._jobs.take(_WAIT_S) or self._guidance.job()
+            job = self.next_image(_WAIT_S) or self._guidance.job()
             if job is None:
                 continue
             fault, impairment = None, None
             try:
-                self._localise(job)
+                self.localise(job)
             except BusError as error:  # imaging is gone, or its link: whoever has the image on record asks again
                 self._runtime.log.error("image not localised", sha256=job.image.sha256, detail=str(error))  # noqa: TRY400
                 impairment = f"image {job.image.sha256[:12]} was not localised: {error}; check imaging"
@@ -220,7 +224,12 @@ class RegistrationService:
         self._runtime.log.exception("fault", sha256=job.image.sha256)
         return str(error), f"image {job.image.sha256[:12]} brought a fault: {error}; take another image"
 
-    def _localise(self, job: CalibrationMessage) -> None:
+    def next_image(self, timeout_s: float) -> CalibrationMessage | None:
+        """Calibration of the image to localise next, waited for so long."""
+        return self._jobs.take(timeout_s)
+
+    def localise(self, job: CalibrationMessage) -> None:
+        """Localise in an image, and publish what was found; raises `BusError` when its pixels cannot be had."""
         assert job.case_id is not None  # `_on_calibration` queues no others
         case = self._state.wait_for_case(job.case_id, job.case_revision, _CASE_TIMEOUT_S)
         if case is None or job.ring_sha256 not in (None, case.parts.ring.sha256):

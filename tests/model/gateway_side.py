@@ -2,10 +2,10 @@
 
 import itertools
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Executor, Future
 from contextlib import suppress
 from dataclasses import replace
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import (
@@ -55,15 +55,15 @@ class _AskedRobot(BaseException):
     """The gateway has put its question to the robot, and waits."""
 
 
-class _ByHand:
+class _ByHand(Executor):
     """The sender's thread: the model is it."""
 
     def __init__(self) -> None:
         self.waiting: list[_Waiting] = []
 
-    def submit(self, work: Callable[[_Waiting], None], waiting: _Waiting) -> Future[None]:  # noqa: ARG002 - an executor's
+    def submit(self, _: Callable[..., Any], /, *given: Any, **__: Any) -> Future[Any]:
         """Keep a command until the model sends it."""
-        self.waiting.append(waiting)
+        self.waiting.extend(given)
         handed_over: Future[None] = Future()
         handed_over.set_result(None)
         return handed_over
@@ -80,13 +80,13 @@ class GatewaySide:
         self._stops = StopHandler(self._bus, KEYS, GATEWAY)
         permits = PermitHandler(self._record, SIGNER)
         leases = Leases(clock, 1.0, lambda _: None)
-        self._commands = CommandHandler(self._bus, KEYS, self._record, self._view, self._stops, leases, clock, permits)
+        self._sender = _ByHand()
+        self._commands = CommandHandler(
+            self._bus, KEYS, self._record, self._view, self._stops, leases, clock, permits, sender=self._sender
+        )
         self._procedure = ProcedureHandler(self._record, self._view)
         self._cases = CaseHandler(self._record, lambda: None, lambda: None, lambda _: True, self._procedure)
         self._planning = PlanningHandler(self._bus, KEYS, self._record, self._procedure, self._commands)
-        self._commands._sender.shutdown()
-        self._sender = _ByHand()
-        self._commands._sender = self._sender  # type: ignore[assignment]  # of an executor, `submit` is all that is used
         self._commands._client = GATEWAY
 
     def started(self) -> GatewayMemory:

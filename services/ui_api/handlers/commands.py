@@ -2,7 +2,7 @@
 
 import itertools
 import secrets
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal
@@ -71,6 +71,11 @@ class CommandHandler:
     ----------
     acting
         Counts commands until the robot has answered.
+
+    Parameters
+    ----------
+    sender
+        Sends the commands that are on the disk, one after another; a thread of its own unless given.
     """
 
     def __init__(
@@ -84,6 +89,7 @@ class CommandHandler:
         clock: Clock,
         permits: PermitHandler,
         acting: Acting | None = None,
+        sender: Executor | None = None,
     ) -> None:
         self.acting = acting or Acting()
         self._permits = permits
@@ -91,7 +97,7 @@ class CommandHandler:
         self._view, self._stops, self._leases, self._clock = view, stops, leases, clock
         self._client = f"gateway-{secrets.token_hex(6)}"
         self._client_sequence = itertools.count()
-        self._sender = ThreadPoolExecutor(max_workers=1, thread_name_prefix="commands")
+        self._sender = sender or ThreadPoolExecutor(max_workers=1, thread_name_prefix="commands")
 
     def close(self) -> None:
         """Wait for the command that is being sent; those behind it are not sent any more."""

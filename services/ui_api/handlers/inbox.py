@@ -100,6 +100,11 @@ class Inbox:
     def start(self) -> None:
         """Begin to listen and to record."""
         self._thread.start()
+        self.listen()
+        self._catch_up.start()
+
+    def listen(self) -> None:
+        """Begin to note what comes; what is to be recorded waits for `record_next`."""
         self._bus.subscribe_attachments(self._keys.frame, self._frame_later)
         for key, handle in ((self._keys.calibration, self._calibration), (self._keys.localisation, self._localisation)):
             self._bus.subscribe_retained(key, self._recorded_later(handle))
@@ -107,7 +112,12 @@ class Inbox:
         self._bus.subscribe(self._keys.bus_refusals, self._recorded_later(self._refused_on_bus))
         for service in WATCHED_SERVICES:
             self._bus.presence().watch_alive(self._keys.alive(service), self._presence_of(service))
-        self._catch_up.start()
+
+    def record_next(self, timeout_s: float) -> bool:
+        """Record the next of what came in, waited for so long, or a run of fluoroscopy that ended; whether any came."""
+        work = self._queue.take(timeout_s)
+        self._recorded(work or self._run_ended)
+        return work is not None
 
     def close(self) -> None:
         """Record what is still waiting, then end."""
@@ -138,9 +148,8 @@ class Inbox:
 
     def _work(self) -> None:
         while not self._ended:
-            work = self._queue.take(self._run_interval_s) or self._run_ended
             try:
-                self._recorded(work)
+                self.record_next(self._run_interval_s)
             except MessageInvalid as error:
                 self._log.error("message_invalid", detail=str(error))
             except Exception as error:  # noqa: BLE001 - the border of a task: one message must not end the recording
