@@ -4,9 +4,12 @@ import tempfile
 import time
 import traceback
 from pathlib import Path
+from typing import Final
 
 from benchmarks.campaign.harm import MotionWatch, harm_of
-from benchmarks.campaign.procedure import REPLY_TIMEOUT_S, Procedure
+from benchmarks.campaign.images import Images
+from benchmarks.campaign.people import People
+from benchmarks.campaign.procedure import Procedure
 from benchmarks.campaign.room import CampaignRoom, with_troubles
 from benchmarks.campaign.rows import CaseRow, Ending
 from benchmarks.campaign.system import System
@@ -14,6 +17,9 @@ from benchmarks.campaign.troubles import troubles_of
 from benchmarks.robot.rig import Rig
 from simulation.controller.accuracy import seeded
 from simulation.scenario.sampling import scenario_of_seed
+
+# Real time, which only a silent controller costs; a busy machine must not look like one.
+REPLY_TIMEOUT_S: Final = 0.5
 
 
 def play(seed: int) -> CaseRow:
@@ -25,10 +31,11 @@ def play(seed: int) -> CaseRow:
     with tempfile.TemporaryDirectory(prefix="distalock-campaign-") as folder:
         system = System(rig, Path(folder))
         room, watch = CampaignRoom(scenario, rig, troubles), MotionWatch(rig)
-        procedure = Procedure(scenario, system, room, watch, troubles)
+        people = People(scenario, system, room, watch, troubles)
+        procedure = Procedure(people, Images(people))
         why, crashes = _run(procedure)
         system.close()
-    harms = (*watch.harms, *crashes, *filter(None, (harm_of(hole) for hole in procedure.holes)))
+    harms = (*watch.harms, *crashes, *filter(None, (harm_of(hole) for hole in people.holes)))
     return CaseRow(
         seed=seed,
         error=troubles.error.value,
@@ -38,12 +45,12 @@ def play(seed: int) -> CaseRow:
         fault_at=troubles.fault_at.value,
         ending=_ending(harms, procedure, why),
         why=why,
-        noticed=tuple(procedure.noticed),
+        noticed=tuple(people.noticed),
         harms=harms,
-        holes=tuple(procedure.holes),
+        holes=tuple(people.holes),
         images=room.shots,
         moves=procedure.moves,
-        stops=procedure.stops,
+        stops=people.stops,
         took_s=time.process_time() - begun,
     )
 
@@ -52,7 +59,7 @@ def _run(procedure: Procedure) -> tuple[str, tuple[str, ...]]:
     """Why it did not end with drilled holes, and what ended it that nobody foresaw: counted, so that a run goes on."""
     try:
         return procedure.run(), ()
-    except Exception as error:  # noqa: BLE001  # whatever it is, it is a row
+    except Exception as error:  # noqa: BLE001 - whatever it is, it is a row
         place = traceback.extract_tb(error.__traceback__)[-1]
         crash = f"crash: {type(error).__name__} in {Path(place.filename).name}:{place.lineno}: {error}"
         return crash, (crash,)
@@ -65,5 +72,6 @@ def _ending(harms: tuple[str, ...], procedure: Procedure, why: str) -> Ending:
         return Ending.AGAINST_ADVICE
     if not why:
         return Ending.DRILLED
-    stopped = procedure.noticed and procedure.noticed[-1].code in ("fault", "stopped", "failed", "robot_not_ready")
+    noticed = procedure.people.noticed
+    stopped = noticed and noticed[-1].code in ("fault", "stopped", "failed", "robot_not_ready")
     return Ending.STOPPED if stopped else Ending.REFUSED
