@@ -1,21 +1,23 @@
-"""The estimate from a frame of running fluoroscopy, as the message that the bus and `distalock align` carry."""
+"""How the C-arm looks along the holes, as messages: of a localised image, and of a frame of running fluoroscopy."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.alignment import off_centre_mm, shift_in_room_mm
+from services.registration.core.alignment import assess, off_centre_mm, shift_in_room_mm
 from services.registration.core.c_arm_advice import (
     Advice,
     AngledView,
     CArmAngles,
     HoleTilt,
     angles_after,
+    hole_tilts,
+    middle_between_holes_mm,
     picture_turn_rad,
 )
 from services.registration.core.guidance.tracking import FrameEstimate
-from services.registration.view_report import assessment_message, off_centre_message
+from services.registration.core.localise import LocalisationResult, Parts
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import ReasonMessage
 from shared.messages.guidance import (
@@ -27,7 +29,7 @@ from shared.messages.guidance import (
     PositionerTurn,
 )
 from shared.messages.imaging import ImageReference
-from shared.messages.registration import CArmCorrection
+from shared.messages.registration import CArmCorrection, OffCentre, ViewAssessment
 
 # An image intensifier turns its picture by a degree or two in the earth's field; a person turns it by more.
 _SAME_PICTURE_RAD = float(np.radians(5.0))
@@ -145,4 +147,33 @@ def _hole(tilt: HoleTilt) -> GuidedHole:
         tilt_to_ray_deg=tilt.tilt_to_ray_deg,
         about_image_x=tilt.about_x_deg,
         about_image_y=tilt.about_y_deg,
+    )
+
+
+def assessment_message(tilts: tuple[HoleTilt, ...]) -> ViewAssessment:
+    """How well the C-arm looks along the holes, as a message."""
+    found = assess(tilts)
+    return ViewAssessment(
+        quality=found.quality.value,
+        largest_tilt_deg=found.largest_tilt_deg,
+        saved_by_a_degree=found.saved_by_a_degree,
+    )
+
+
+def off_centre_message(off_centre: NDArray[np.float64]) -> OffCentre:
+    """How far the holes lie off the picture's middle, as a message."""
+    return OffCentre(to_image_right=float(off_centre[0]), to_image_down=float(off_centre[1]))
+
+
+def view_of_nail(
+    result: LocalisationResult, calibration: CArmCalibration | None, parts: Parts
+) -> tuple[ViewAssessment | None, OffCentre | None]:
+    """How well the C-arm looks along the holes and how far they are off the middle; None where no nail was found."""
+    if calibration is None or result.nail is None:
+        return None, None
+    camera_from_nail, nail = result.nail.camera_from_nail, parts.with_nail_as_found(result.nail).nail
+    middle_mm = middle_between_holes_mm(camera_from_nail, nail)
+    return (
+        assessment_message(hole_tilts(camera_from_nail, nail)),
+        off_centre_message(off_centre_mm(calibration, middle_mm)),
     )

@@ -1,38 +1,30 @@
 """Registration: frame and calibration in, localisation out; plans and verifications on request. No mathematics here."""
 
-import base64
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
-from services.registration.core.mounting_site import site_without_guide
 from services.registration.core.wires.verify import verify_guide_alone, verify_images
-from services.registration.drawing import image_drawing
 from services.registration.frames import (
     LocalisedFrame,
     OpenCase,
     ReceivedFrame,
-    calibration_of,
-    pose_at_rest,
     set_up_of,
 )
+from services.registration.image_report import localised_frame
 from services.registration.jobs import LocalisationJobs
 from services.registration.live import LiveGuidance
-from services.registration.overlay import overlay_png
 from services.registration.planning import another_set_up, answer_plan_request
-from services.registration.report import mounting_site_message, timed_localisation, verification_message
+from services.registration.report import verification_message
 from services.registration.settings import RegistrationSettings
 from services.registration.state import RegistrationState
-from services.registration.view_report import view_of_nail
 from shared.bus.frame_paths import FramePaths
 from shared.bus.port import Answer, Bus, Query, Sample, Subscription
-from shared.errors import Accepted, BusError, InputError
+from shared.errors import BusError, InputError
 from shared.messages.base import decode, encode
 from shared.messages.cases import CaseContext
 from shared.messages.imaging import CalibrationMessage, FrameHeader
 from shared.messages.registration import (
-    Localisation,
-    LocalisationRecord,
     PlanRequest,
     RegistrationEpoch,
     VerificationReply,
@@ -41,7 +33,7 @@ from shared.messages.registration import (
 from shared.messages.robot import RobotState
 from shared.messages.stored_images import LocalisationRequest
 from shared.runtime.impairments import is_lack_of_memory
-from shared.runtime.lifecycle import Runtime, software_version
+from shared.runtime.lifecycle import Runtime
 from shared.threads import supervised_thread
 
 # How long leaving may wait for this loop.
@@ -242,32 +234,11 @@ class RegistrationService:
             return
         # pixels travel on a key of their own and may be overtaken by the much smaller calibration
         frame = self._state.wait_for_frame(job.image.sha256, _OVERTAKEN_S) or self._fetched(job.image.sha256)
-        calibrated = calibration_of(job)
-        result, found = timed_localisation(frame.pixels, calibrated, case.parts, job.image.sha256, job.elapsed_ms)
-        calibration = calibrated.value if isinstance(calibrated, Accepted) else None
-        site = site_without_guide(result, calibration, case.parts, case.hexapod)
-        drawn = overlay_png(frame.pixels, calibration, result, case.parts, site)
-        noted = found.model_copy(update={"notes": frame.header.notes})
-        record = _record(frame, job, case, noted, frame.age_s(self._state.now_s()))
-        told = None if site is None else mounting_site_message(site)
-        overlay = base64.b64encode(drawn).decode()
-        vectors = None
-        if calibration is not None:
-            vectors = image_drawing(job.image.sha256, calibration, result, case.parts, site)
-        assessment, off_centre = view_of_nail(result, calibration, case.parts)
-        record = record.model_copy(
-            update={
-                "mounting_site": told,
-                "overlay_png_base64": overlay,
-                "drawing": vectors,
-                "assessment": assessment,
-                "off_centre_mm": off_centre,
-            }
-        )
-        localised = LocalisedFrame(frame, case, record, calibration, result)
+        localised = localised_frame(frame, job, case, self._state.now_s())
         self._state.images.note(localised)
-        self._localisations.put(encode(record))
+        self._localisations.put(encode(localised.record))
         self._guidance.note_localised(localised)
+        found = localised.record.localisation
         self._runtime.log.info(
             "localised",
             sha256=job.image.sha256,
@@ -285,30 +256,6 @@ class RegistrationService:
             raise BusError(f"the pixels of image {sha256[:12]} were missed and cannot be fetched: {error}") from error
         header = decode(FrameHeader, answer.attachment)
         return self._state.note_fetched_frame(header, header.pixels(answer.payload))
-
-
-def _record(
-    frame: ReceivedFrame,
-    job: CalibrationMessage,
-    case: OpenCase,
-    found: Localisation,
-    age_s: float | None,
-) -> LocalisationRecord:
-    pose = pose_at_rest(frame.robot)
-    return LocalisationRecord(
-        localisation=found,
-        image=job.image,
-        case_id=case.context.case_id or "",
-        case_revision=case.context.revision,
-        registration_epoch=frame.epoch,
-        robot_boot_epoch=frame.robot.boot_epoch if frame.robot is not None and pose is not None else None,
-        robot_pose=pose,
-        ring_sha256=case.parts.ring.sha256,
-        guide_sha256=case.parts.guide.sha256,
-        nail_sha256=case.parts.nail.sha256,
-        software_version=software_version(),
-        image_age_s=age_s,
-    )
 
 
 def _not_one_set_up(frames: list[LocalisedFrame]) -> VerificationReply | None:
