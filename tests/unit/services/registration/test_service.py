@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from services.registration import service
+from services.registration import image_report
 from services.registration.service import RegistrationService
 from services.registration.settings import RegistrationSettings
 from services.registration.state import RegistrationState
@@ -273,7 +273,7 @@ def test_an_image_for_which_there_was_no_memory_is_localised_when_it_is_asked_fo
     )
     outside.open_case()
     with monkeypatch.context() as lacking:
-        lacking.setattr(service, "timed_localisation", without_memory)
+        lacking.setattr(image_report, "timed_localisation", without_memory)
         outside.frame("one")
         outside.calibrated("one", None)
         while "waits for memory (no 2 MiB)" not in conditions.get(timeout=PATIENCE_S).detail:
