@@ -34,19 +34,19 @@ def quiet_play(seed: int) -> CaseRow:
 
 
 def main(arguments: Sequence[str] = ()) -> int:
-    """Play all procedures, write the page; 1 when one of them harmed."""
+    """Play all procedures, write the page; 1 when one of them harmed or crashed."""
     given = _OPTIONS.parse(arguments)
     rows = list(run_jobs(quiet_play, given.seeds, CaseRow, given.plan).values())
-    harmed = any(row.ending is Ending.HARM for row in rows)
+    failed = any(row.ending in (Ending.HARM, Ending.CRASHED) for row in rows)
     if len(rows) == 1:
         print("\n".join(story(rows[0])))
-        return int(harmed)
+        return int(failed)
     text = page(rows, given.seed)
     given.report.write_text(text, encoding="utf-8")
     if given.report == REPORT:
         COUNTS.write_text(json.dumps(counts_of(rows), indent=1) + "\n", encoding="utf-8")
     print(text)
-    return int(harmed)
+    return int(failed)
 
 
 def story(row: CaseRow) -> list[str]:

@@ -4,9 +4,11 @@ import json
 from typing import Final
 
 import numpy as np
+from pydantic import ValidationError
 
 from benchmarks.campaign.troubles import Error, Troubles
 from services.ui_api.routes.bodies import CaseBody
+from services.ui_api.routes.invalid_request import wrongs_of
 from simulation.control.models import scenario_body
 from simulation.scenario.values import Scenario
 
@@ -41,6 +43,18 @@ def set_up(scenario: Scenario, troubles: Troubles | None) -> CaseBody:
         case _:
             pass
     return CaseBody.model_validate_json(json.dumps(entry))
+
+
+def opened_with(scenario: Scenario, troubles: Troubles) -> tuple[CaseBody, str]:
+    """With what the case is opened in the end, and what the gateway says of the first entry if it refuses it.
+
+    Nobody gets further with an entry that is refused: it is read again.
+    """
+    try:
+        return set_up(scenario, troubles), ""
+    except ValidationError as error:
+        (wrong,) = wrongs_of([{**one, "loc": ("body", *one["loc"])} for one in error.errors()])
+        return set_up(scenario, None), wrong.message
 
 
 def another_nail(scenario: Scenario) -> str:

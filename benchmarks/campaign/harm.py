@@ -9,7 +9,9 @@
 6. *Unheld*: the platform is held by neither brake nor servo.
 7. *Motion with something inside*: the platform moves while a tool is reported in guide or bone.
 8. *Wrong side*: a motion begins although the images state another side than the case.
-9. *Crash*: the robot service's worker, or anything else that a procedure needs, ends by an exception.
+9. *Crash*: the robot service's worker ends by an exception.
+
+A procedure that ends by another exception has an ending of its own, `crashed`, and is a bug as well.
 """
 
 from dataclasses import dataclass, field

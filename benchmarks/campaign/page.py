@@ -79,6 +79,7 @@ def _endings(rows: Sequence[CaseRow]) -> Iterator[str]:
     holes = [hole for row in rows for hole in row.holes if hole.allowed and not hole.slipped]
     yield ""
     yield (
+        "*Crashed*: ended by an error in a program, which is a bug with a seed. "
         f"*Against advice*: somebody drilled although the system said that it is not time. Of {len(holes)} holes that "
         "the system allowed to drill, the guide's true axis was off by "
         f"{text_of(quantiles(hole.entry_mm for hole in holes), 2)} mm at the entry and "
@@ -129,7 +130,7 @@ def _by_moment(rows: Sequence[CaseRow]) -> Iterator[str]:
 
 
 def _reasons(rows: Sequence[CaseRow]) -> Iterator[str]:
-    ended = [row for row in rows if row.ending in (Ending.REFUSED, Ending.STOPPED)]
+    ended = [row for row in rows if row.ending in (Ending.REFUSED, Ending.STOPPED, Ending.CRASHED)]
     yield "One of each code, as the surgeon reads it."
     yield ""
     yield "| ended by | procedures | for instance |"

@@ -1,4 +1,4 @@
-"""People of the campaign: what happens to them, what they hear, and what their hands do; in simulated time."""
+"""People of the campaign, in simulated time: what happens to them, what they are told, what their hands do."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

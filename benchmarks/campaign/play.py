@@ -3,46 +3,61 @@
 import tempfile
 import time
 import traceback
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from benchmarks.campaign.c_arm import CArmOperator
 from benchmarks.campaign.harm import MotionWatch, harm_of
-from benchmarks.campaign.images import Images
 from benchmarks.campaign.people import People
 from benchmarks.campaign.procedure import Procedure
 from benchmarks.campaign.room import CampaignRoom, with_troubles
 from benchmarks.campaign.rows import CaseRow, Ending
 from benchmarks.campaign.system import System
-from benchmarks.campaign.troubles import troubles_of
+from benchmarks.campaign.troubles import Troubles, troubles_of
 from benchmarks.robot.rig import Rig
 from simulation.controller.accuracy import seeded
 from simulation.scenario.sampling import scenario_of_seed
 
 # Real time, which only a silent controller costs; a busy machine must not look like one.
 REPLY_TIMEOUT_S: Final = 0.5
+Lead = Callable[[Procedure], str]
 
 
-def play(seed: int) -> CaseRow:
-    """Play one procedure."""
-    begun = time.process_time()
-    troubles = troubles_of(seed)
+def play(seed: int, lead: Lead = Procedure.run) -> CaseRow:
+    """Play one procedure; one that ends by an exception is a row, too, so that a long run goes on.
+
+    Parameters
+    ----------
+    lead
+        Leads the procedure; why it did not end with drilled holes, or nothing.
+    """
+    begun, troubles = time.process_time(), troubles_of(seed)
+    try:
+        row = _played(seed, troubles, lead)
+    except Exception as error:  # noqa: BLE001 - the border of a task: whatever it is, it is a row
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        why = f"crashed: {type(error).__name__} in {Path(place.filename).name}:{place.lineno}: {error}"
+        row = replace(_empty_row(seed, troubles), ending=Ending.CRASHED, why=why)
+    return replace(row, took_s=time.process_time() - begun)
+
+
+def _played(seed: int, troubles: Troubles, lead: Lead) -> CaseRow:
     scenario = with_troubles(scenario_of_seed(seed), troubles)
     rig = Rig(seed, REPLY_TIMEOUT_S, seeded(seed))
     with tempfile.TemporaryDirectory(prefix="distalock-campaign-") as folder:
         system = System(rig, Path(folder))
         room, watch = CampaignRoom(scenario, rig, troubles), MotionWatch(rig)
         people = People(scenario, system, room, watch, troubles)
-        procedure = Procedure(people, Images(people))
-        why, crashes = _run(procedure)
-        system.close()
-    harms = (*watch.harms, *crashes, *filter(None, (harm_of(hole) for hole in people.holes)))
-    return CaseRow(
-        seed=seed,
-        error=troubles.error.value,
-        error_at=troubles.error_at.value,
-        image=troubles.image,
-        fault="" if troubles.fault is None else troubles.fault.value,
-        fault_at=troubles.fault_at.value,
+        procedure = Procedure(people, CArmOperator(people))
+        try:
+            why = lead(procedure)
+        finally:
+            system.close()
+    harms = (*watch.harms, *filter(None, (harm_of(hole) for hole in people.holes)))
+    return replace(
+        _empty_row(seed, troubles),
         ending=_ending(harms, procedure, why),
         why=why,
         noticed=tuple(people.noticed),
@@ -51,18 +66,28 @@ def play(seed: int) -> CaseRow:
         images=room.shots,
         moves=procedure.moves,
         stops=people.stops,
-        took_s=time.process_time() - begun,
     )
 
 
-def _run(procedure: Procedure) -> tuple[str, tuple[str, ...]]:
-    """Why it did not end with drilled holes, and what ended it that nobody foresaw: counted, so that a run goes on."""
-    try:
-        return procedure.run(), ()
-    except Exception as error:  # noqa: BLE001 - whatever it is, it is a row
-        place = traceback.extract_tb(error.__traceback__)[-1]
-        crash = f"crash: {type(error).__name__} in {Path(place.filename).name}:{place.lineno}: {error}"
-        return crash, (crash,)
+def _empty_row(seed: int, troubles: Troubles) -> CaseRow:
+    """What was drawn for a procedure, and nothing of what came of it."""
+    return CaseRow(
+        seed=seed,
+        error=troubles.error.value,
+        error_at=troubles.error_at.value,
+        image=troubles.image,
+        fault="" if troubles.fault is None else troubles.fault.value,
+        fault_at=troubles.fault_at.value,
+        ending=Ending.DRILLED,
+        why="",
+        noticed=(),
+        harms=(),
+        holes=(),
+        images=0,
+        moves=0,
+        stops=0,
+        took_s=0.0,
+    )
 
 
 def _ending(harms: tuple[str, ...], procedure: Procedure, why: str) -> Ending:

@@ -4,10 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from pydantic import ValidationError
-
-from benchmarks.campaign.case_entry import set_up
-from benchmarks.campaign.images import Images
+from benchmarks.campaign.c_arm import CArmOperator
+from benchmarks.campaign.case_entry import opened_with
 from benchmarks.campaign.people import PAUSE_S, TICK_S, GaveUp, People
 from benchmarks.campaign.rows import Moment
 from benchmarks.campaign.system import WHO
@@ -17,7 +15,6 @@ from services.ui_api.core.procedure_table import Verdict, decide_step
 from services.ui_api.handlers.commands import PlainVerb
 from services.ui_api.handlers.planning import MotionRequest, PlanBasis
 from services.ui_api.handlers.refusals import Refused
-from services.ui_api.routes.invalid_request import wrongs_of
 from shared.messages.base import decode
 from shared.messages.registration import Plan, Verification
 from shared.robot_states import MotionState
@@ -53,7 +50,7 @@ class Procedure:
     """
 
     people: People
-    images: Images
+    c_arm: CArmOperator
     moves: int = 0
     against: bool = False
     verified: tuple[str, ...] = ()
@@ -82,14 +79,10 @@ class Procedure:
 
     def _open(self) -> None:
         self.people.moment = Moment.OPEN
-        try:
-            body = set_up(self.people.scenario, self.people.troubles)
-        except ValidationError as error:  # nobody gets further with such an entry: it is read again
-            self.people.note(
-                "invalid_request",
-                wrongs_of([{**one, "loc": ("body", *one["loc"])} for one in error.errors()])[0].message,
-            )
-            body, self.people.mended = set_up(self.people.scenario, None), True
+        body, refused = opened_with(self.people.scenario, self.people.troubles)
+        if refused:
+            self.people.note("invalid_request", refused)
+            self.people.mended = True
         with self.people.asked() as unit:
             self.people.system.cases.open_case(unit, body.request(), WHO.name)
         self.people.watch.wrong_side = self.people.troubles.error is Error.WRONG_SIDE
@@ -98,6 +91,8 @@ class Procedure:
     def _make_ready(self) -> None:
         """Reset, acknowledge, reference, until the robot is locked and free of stops."""
         self.people.enter(Moment.PREPARE)
+        operations = self.people.system.record.ledger.operations
+        before = len(operations)
         for _ in range(2 * _MOST_RETRIES):
             verb = self._next_verb()
             if verb is None and self.people.robot.state is MotionState.LOCKED:
@@ -105,8 +100,8 @@ class Procedure:
             if verb is not None:
                 self._plain(verb)
             self.people.wait(0.6)
-        newest = next(reversed(self.people.system.record.ledger.operations.values()), None)
-        detail = (newest.message if newest else "") or self.people.robot.detail or self.people.robot.state
+        asked = list(operations.values())[before:]
+        detail = (asked[-1].message if asked else "") or self.people.robot.detail or self.people.robot.state
         self.people.note("robot_not_ready", f"the robot does not become ready: {detail}")
         raise GaveUp(self.people.last())
 
@@ -130,7 +125,7 @@ class Procedure:
         holes = self.people.case.hole_ids
         self.people.enter(Moment.IMAGE)
         for _ in range(_MOST_RETRIES):
-            found = self.images.localise()
+            found = self.c_arm.localise()
             self.people.enter(Moment.PLAN)
             try:
                 planning = self.people.system.planning
@@ -169,7 +164,7 @@ class Procedure:
         stale = newest is None or newest.verdict != "accepted" or newest.case_revision != self.people.case.revision
         if stale or self.people.case.staleness_of_image(newest.image_sha256, newest.case_revision) is not None:  # type: ignore[union-attr]
             self.people.enter(Moment.IMAGE)
-            newest = self.images.localise()
+            newest = self.c_arm.localise()
         assert newest is not None
         self.people.enter(Moment.PLAN)
         try:
@@ -181,7 +176,7 @@ class Procedure:
             if number is None:
                 self.people.note(reply.code or "no_plan", reply.message)
                 self.people.mend_if_named((reply.code or "",))
-                self.images.shot()
+                self.c_arm.shot()
                 raise Again
             with self.people.asked() as unit:
                 self.people.system.planning.approve(unit, self.people.case, number, WHO)
@@ -240,7 +235,7 @@ class Procedure:
     def _verify(self) -> Verification:
         """One more image, and what it leaves between the guide's holes and the nail's."""
         self.people.enter(Moment.VERIFY)
-        self.images.localise()
+        self.c_arm.localise()
         image = self.people.case.images[-1].image_sha256
         try:
             verifications = self.people.system.verifications

@@ -8,6 +8,7 @@ class Ending(StrEnum):
     """How a procedure ended; the first that applies."""
 
     HARM = "harm"
+    CRASHED = "crashed"
     AGAINST_ADVICE = "against advice"
     STOPPED = "stopped"
     REFUSED = "refused"

@@ -7,9 +7,8 @@ has tests and benchmarks with real processes: DICOM, HTTP and users, TLS, thread
 
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
-from functools import partial
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Final, ParamSpec, TypeVar, cast
 
 import numpy as np
 import structlog
@@ -48,6 +47,8 @@ from shared.runtime.lifecycle import Runtime, software_version
 from shared.runtime.presence import StatusReporter
 from simulation.scenario.c_arm_angles import CArmAngles
 
+_Given = ParamSpec("_Given")
+_Result = TypeVar("_Result")
 WHO: Final = Approver("surgeon", Authenticated.PASSWORD)
 _STORE: Final = "store"
 # Chosen: as a C-arm's image arrives, well within registration's `image_delay_s`.
@@ -61,19 +62,26 @@ class _Sender(Executor):
     """Commands that wait to be sent; they are sent when the transaction that recorded them has ended."""
 
     def __init__(self) -> None:
-        self._waiting: list[tuple[Future[Any], Callable[[], Any]]] = []
+        self._waiting: list[Callable[[], None]] = []
 
-    def submit(self, work: Callable[..., Any], /, *given: Any, **named: Any) -> Future[Any]:
+    def submit(self, fn: Callable[_Given, _Result], /, *args: _Given.args, **kwargs: _Given.kwargs) -> Future[_Result]:
         """Keep a command."""
-        sending: Future[Any] = Future()
-        self._waiting.append((sending, partial(work, *given, **named)))
+        sending: Future[_Result] = Future()
+
+        def send() -> None:
+            try:
+                sending.set_result(fn(*args, **kwargs))
+            except Exception as error:
+                sending.set_exception(error)
+                raise
+
+        self._waiting.append(send)
         return sending
 
     def send(self) -> None:
         """Send what waits, in order."""
         while self._waiting:
-            sending, work = self._waiting.pop(0)
-            sending.set_result(work())
+            self._waiting.pop(0)()
 
 
 class System:
@@ -124,8 +132,8 @@ class System:
         self._sender.send()
         while (job := self._registration.next_image(0.0)) is not None:
             self._registration.localise(job)
-        while self._inbox.record_next(0.0):
-            pass
+        while (work := self._inbox.next_work(0.0)) is not None:
+            work()
         if self.rig.epoch != self.registration_state.epoch:  # registration says so at once, as after every change
             self.rig.epoch = self.registration_state.epoch
             self.rig.give_signs_of_life()

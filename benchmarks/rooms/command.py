@@ -28,7 +28,7 @@ from shared.arguments import OneLineParser
 
 REPORT: Final = PAGES / "rooms.md"
 ROOMS: Final = ("or1", "or2", "or3")
-# Has the same floods on the same processor, linked to nothing: what they do to a room's machine alone.
+# Room of a site of its own, which has the same floods on the same processor: what they do to a room's machine alone.
 ELSEWHERE: Final = "elsewhere"
 LIMIT: Final = 1.1
 DELAY_S: Final = 0.02
@@ -74,7 +74,9 @@ def measured(given: argparse.Namespace) -> Figures:
             _disturbed(room, given, f"the site loses {LOSS:.0%} of the segments", partial(_lossy, hospital), _nothing),
             _disturbed(room, given, "the site is cut off", partial(_parted, hospital), _nothing),
         ]
-        of_machine = _disturbed(room, given, "a room that is linked to nothing floods its bus", flooded[1], _nothing)
+        of_machine = _disturbed(
+            room, given, "a room of another site floods its bus and that site", flooded[1], _nothing
+        )
         seen_again_s = _seen_again_s(hospital)
     return Figures(disturbances, of_machine, seen_again_s, grown(given.most))
 
@@ -85,16 +87,16 @@ Disturb = Callable[[], Callable[[], object]]
 
 def _disturbed(room: Room, given: argparse.Namespace, name: str, disturb: Disturb, control: Disturb) -> Disturbance:
     """Rounds of the room, one half of each beside the control and the other beside the disturbance."""
-    quiet, disturbed = list[Latencies](), list[Latencies]()
+    beside_control, beside_disturbance = list[Latencies](), list[Latencies]()
     for _ in range(given.rounds):
-        for begin, found in ((control, quiet), (disturb, disturbed)):
+        for begin, found in ((control, beside_control), (disturb, beside_disturbance)):
             end = begin()
             time.sleep(_SETTLE_S)
             found.append(room.measure(given.seconds))
             end()
             time.sleep(_SETTLE_S)
     print(f"{name}: done", file=sys.stderr, flush=True)
-    return Disturbance(name, quiet, disturbed)
+    return Disturbance(name, beside_control, beside_disturbance)
 
 
 def _nothing() -> Callable[[], object]:

@@ -13,30 +13,30 @@ class Disturbance:
 
     Attributes
     ----------
-    quiet, disturbed
-        Latencies by kind, round by round, in seconds. Quiet beside a flood is beside the same one, linked to nothing.
+    control, disturbed
+        Latencies by kind, round by round, in seconds. The control of a flood has the same flood at another site.
     """
 
     name: str
-    quiet: list[Latencies]
+    control: list[Latencies]
     disturbed: list[Latencies]
 
     def ratio(self, kind: str) -> float:
         """Median over the rounds of the ratio of medians."""
-        pairs = zip(self.disturbed, self.quiet, strict=True)
+        pairs = zip(self.disturbed, self.control, strict=True)
         return float(np.median([np.median(now[kind]) / np.median(before[kind]) for now, before in pairs]))
 
     @property
     def lost(self) -> tuple[int, int]:
         """Questions that brought no answer, without and with it."""
-        before, now = (sum(len(one["lost"]) for one in rounds) for rounds in (self.quiet, self.disturbed))
+        before, now = (sum(len(one["lost"]) for one in rounds) for rounds in (self.control, self.disturbed))
         return before, now
 
     def percentile_ms(self, kind: str, percent: float) -> tuple[float, float]:
         """Without and with it, over all rounds."""
         return tuple(  # type: ignore[return-value]  # of two
             1e3 * float(np.percentile(np.concatenate([one[kind] for one in rounds]), percent))
-            for rounds in (self.quiet, self.disturbed)
+            for rounds in (self.control, self.disturbed)
         )
 
 
@@ -61,7 +61,7 @@ class Figures:
     Attributes
     ----------
     of_machine
-        A flood that is linked to nothing: what the processors of one machine do to one another.
+        A flood at another site: what the processors of one machine do to one another.
     """
 
     disturbances: list[Disturbance]

@@ -6,7 +6,7 @@ from typing import Final
 
 from benchmarks.rooms.figures import Disturbance, Figures, Growth
 
-# With four processes of a room on one processor and the rest on the other; the flood is there for a third of the time.
+# Chosen: above what the rooms, the site elsewhere and their floods make of two processors.
 _MOST_LOAD: Final = 4.0
 KINDS: Final = ("stop", "command", "state")
 _HEAD: Final = """# Many rooms at one site
@@ -23,7 +23,7 @@ machine's kernel has no `netem`, so loss is what a program on TCP sees of it (a 
 
 A ratio is the median over the rounds of the ratio of medians, with and without; the limit is {limit:g}. Processors of
 one machine slow one another, machines in a hospital do not: rounds without a flood have the same flood on the same
-processor, at a site that is linked to nothing. What that alone does is in the last row, which has no limit.
+processor, at another site. What that alone does is in the last row, which has no limit.
 
 | meanwhile | of | median without -> with | 99 % without -> with | ratio | no answer without -> with |
 |---|---|---|---|---|---|

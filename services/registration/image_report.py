@@ -1,6 +1,7 @@
 """What was found in one image, as its record: hole axes, pictures, and how well the C-arm looks along the holes."""
 
 import base64
+from collections.abc import Callable
 
 from services.registration.core.mounting_site import site_without_guide
 from services.registration.drawing import image_drawing
@@ -14,8 +15,10 @@ from shared.messages.registration import LocalisationRecord
 from shared.runtime.lifecycle import software_version
 
 
-def localised_frame(frame: ReceivedFrame, job: CalibrationMessage, case: OpenCase, now_s: float) -> LocalisedFrame:
-    """Localise in a frame by its calibration, and make the record of it."""
+def localised_frame(
+    frame: ReceivedFrame, job: CalibrationMessage, case: OpenCase, clock_s: Callable[[], float]
+) -> LocalisedFrame:
+    """Localise in a frame by its calibration, and make the record of it, with the image's age by then."""
     calibrated = calibration_of(job)
     result, found = timed_localisation(frame.pixels, calibrated, case.parts, job.image.sha256, job.elapsed_ms)
     calibration = calibrated.value if isinstance(calibrated, Accepted) else None
@@ -36,7 +39,7 @@ def localised_frame(frame: ReceivedFrame, job: CalibrationMessage, case: OpenCas
         nail_sha256=case.parts.nail.sha256,
         software_version=software_version(),
         overlay_png_base64=base64.b64encode(overlay_png(frame.pixels, calibration, result, case.parts, site)).decode(),
-        image_age_s=frame.age_s(now_s),
+        image_age_s=frame.age_s(clock_s()),
         mounting_site=None if site is None else mounting_site_message(site),
         drawing=drawing,
         assessment=assessment,

@@ -80,7 +80,7 @@ class RegistrationService:
             yield
 
     def listen(self) -> tuple[Subscription, ...]:
-        """Begin to note what comes and to answer; what waits then is localised by whoever takes it."""
+        """Subscribe, and answer queries; images wait for `next_image`."""
         keys, bus = self._runtime.keys, self._bus
         return (
             bus.subscribe_retained(keys.robot_state, self._on_robot),
@@ -217,7 +217,7 @@ class RegistrationService:
         return str(error), f"image {job.image.sha256[:12]} brought a fault: {error}; take another image"
 
     def next_image(self, timeout_s: float) -> CalibrationMessage | None:
-        """Calibration of the image to localise next, waited for so long."""
+        """Wait up to `timeout_s` for the calibration of the image to localise next, which is in work until then."""
         return self._jobs.take(timeout_s)
 
     def localise(self, job: CalibrationMessage) -> None:
@@ -234,7 +234,7 @@ class RegistrationService:
             return
         # pixels travel on a key of their own and may be overtaken by the much smaller calibration
         frame = self._state.wait_for_frame(job.image.sha256, _OVERTAKEN_S) or self._fetched(job.image.sha256)
-        localised = localised_frame(frame, job, case, self._state.now_s())
+        localised = localised_frame(frame, job, case, self._state.now_s)
         self._state.images.note(localised)
         self._localisations.put(encode(localised.record))
         self._guidance.note_localised(localised)

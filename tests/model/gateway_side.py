@@ -5,7 +5,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, NoReturn
+from typing import NoReturn, ParamSpec, TypeVar, cast
 
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import (
@@ -45,6 +45,8 @@ from tests.model.plans import HEXAPOD, HOLES, IMAGE_SHA256, REGISTRATION_EPOCH, 
 from tests.model.robot_memory import Reply
 from tests.model.silent_bus import SilentBus
 
+_Given = ParamSpec("_Given")
+_Result = TypeVar("_Result")
 KEYS = Keys("or1")
 WHO = "surgeon"
 APPROVER = Approver(WHO, Authenticated.PASSWORD)
@@ -61,11 +63,12 @@ class _ByHand(Executor):
     def __init__(self) -> None:
         self.waiting: list[_Waiting] = []
 
-    def submit(self, _: Callable[..., Any], /, *given: Any, **__: Any) -> Future[Any]:
+    def submit(self, fn: Callable[_Given, _Result], /, *args: _Given.args, **kwargs: _Given.kwargs) -> Future[_Result]:  # noqa: ARG002
         """Keep a command until the model sends it."""
-        self.waiting.extend(given)
-        handed_over: Future[None] = Future()
-        handed_over.set_result(None)
+        assert not kwargs
+        self.waiting.extend(cast("tuple[_Waiting, ...]", args))
+        handed_over: Future[_Result] = Future()
+        handed_over.cancel()  # the model sends what waits itself, and never calls `fn`
         return handed_over
 
 

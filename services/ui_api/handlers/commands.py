@@ -71,11 +71,6 @@ class CommandHandler:
     ----------
     acting
         Counts commands until the robot has answered.
-
-    Parameters
-    ----------
-    sender
-        Sends the commands that are on the disk, one after another; a thread of its own unless given.
     """
 
     def __init__(
@@ -97,6 +92,7 @@ class CommandHandler:
         self._view, self._stops, self._leases, self._clock = view, stops, leases, clock
         self._client = f"gateway-{secrets.token_hex(6)}"
         self._client_sequence = itertools.count()
+        # sends the commands that are on the disk, one after another
         self._sender = sender or ThreadPoolExecutor(max_workers=1, thread_name_prefix="commands")
 
     def close(self) -> None:

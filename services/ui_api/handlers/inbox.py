@@ -61,7 +61,7 @@ class ServicePresence:
 
 
 class Inbox:
-    """Subscribes on `start`; its thread ends on `close` once everything that came in is recorded.
+    """Subscribes and records from `start` on; its thread ends on `close` once everything that came in is recorded.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ class Inbox:
         self._catch_up.start()
 
     def listen(self) -> None:
-        """Begin to note what comes; what is to be recorded waits for `record_next`."""
+        """Subscribe, as `start` does; what is to be recorded waits for `next_work`."""
         self._bus.subscribe_attachments(self._keys.frame, self._frame_later)
         for key, handle in ((self._keys.calibration, self._calibration), (self._keys.localisation, self._localisation)):
             self._bus.subscribe_retained(key, self._recorded_later(handle))
@@ -113,11 +113,9 @@ class Inbox:
         for service in WATCHED_SERVICES:
             self._bus.presence().watch_alive(self._keys.alive(service), self._presence_of(service))
 
-    def record_next(self, timeout_s: float) -> bool:
-        """Record the next of what came in, waited for so long, or a run of fluoroscopy that ended; whether any came."""
-        work = self._queue.take(timeout_s)
-        self._recorded(work or self._run_ended)
-        return work is not None
+    def next_work(self, timeout_s: float) -> Callable[[], None] | None:
+        """Wait up to `timeout_s` for the next of what is to be recorded; None when nothing came."""
+        return self._queue.take(timeout_s)
 
     def close(self) -> None:
         """Record what is still waiting, then end."""
@@ -148,8 +146,9 @@ class Inbox:
 
     def _work(self) -> None:
         while not self._ended:
+            work = self.next_work(self._run_interval_s) or self._run_ended
             try:
-                self.record_next(self._run_interval_s)
+                self._recorded(work)
             except MessageInvalid as error:
                 self._log.error("message_invalid", detail=str(error))
             except Exception as error:  # noqa: BLE001 - the border of a task: one message must not end the recording

@@ -103,7 +103,7 @@ def fit_image(fit_input: FitInput, start: Transform[Camera, Nail]) -> ImageFit |
 
     Wrong brightness between the rims looks like a bend as well, and so do the remains of an object that was left out:
     where parts of the image disagree, and beside objects, the curvature that was found is what the straight nail's is
-    uncertain by.
+    uncertain by. Beside objects none is looked for where the straight nail is refused without it.
     """
     optimum = find_global_optimum(fit_input, start)
     model = None if optimum is None else model_at(fit_input, optimum.camera_from_nail, FINAL_STAGE, 1)
@@ -111,25 +111,28 @@ def fit_image(fit_input: FitInput, start: Transform[Camera, Nail]) -> ImageFit |
         return Rejected((NAIL_OUTSIDE.reason(),))
     straight, beside = _refined(model, optimum), fit_input.objects_left_out
     freed, there = with_curvature(straight.problem, straight.solution)
-
-    def held_straight(end: FitEnd, curvature_sd: float) -> ImageFit:
-        errors = errors_of_straight(end.problem, end.solution, end.noise, there, curvature_sd)
-        return _with_evidence(end, errors, objects_left_out=beside)
-
     curvature_sd = NAIL_PRIORS.straightness_sd_per_m
-    if beside and is_refused(found := held_straight(straight, curvature_sd)):
+    found = _held_straight(straight, there, curvature_sd, objects_left_out=beside)
+    if beside and is_refused(found):
         return found  # no bend is believed here, and none makes up for why the straight nail is refused
     ends = _bent(straight, freed, there, optimum.bent_margin)
-    if ends is not None:
-        end, straight = ends
-        bent = _with_evidence(end, pose_errors(end.problem, end.solution, end.noise), objects_left_out=beside)
-        curvature = np.array(bent.fit.curvature_per_m)
-        evident = is_bent(curvature, bent.fit.errors.bend_covariance)
-        if bent.fit.evidence.error_ratio > BENT_NAIL.largest_error_ratio or (beside and evident):
-            curvature_sd = float(np.hypot(curvature_sd, np.linalg.norm(curvature)))
-        elif evident:
-            return bent
-    return held_straight(straight, curvature_sd)
+    if ends is None:
+        return found
+    end, straight = ends
+    bent = _with_evidence(end, pose_errors(end.problem, end.solution, end.noise), objects_left_out=beside)
+    curvature = np.array(bent.fit.curvature_per_m)
+    evident = is_bent(curvature, bent.fit.errors.bend_covariance)
+    if bent.fit.evidence.error_ratio > BENT_NAIL.largest_error_ratio or (beside and evident):
+        curvature_sd = float(np.hypot(curvature_sd, np.linalg.norm(curvature)))
+    elif evident:
+        return bent
+    return _held_straight(straight, there, curvature_sd, objects_left_out=beside)
+
+
+def _held_straight(end: FitEnd, freed: Solution, curvature_sd: float, *, objects_left_out: bool) -> ImageFit:
+    """The straight nail's fit, uncertain by a curvature that the nail may have; `freed` has its derivatives."""
+    errors = errors_of_straight(end.problem, end.solution, end.noise, freed, curvature_sd)
+    return _with_evidence(end, errors, objects_left_out=objects_left_out)
 
 
 def _bent(straight: FitEnd, freed: Problem, there: Solution, bent_margin: float) -> tuple[FitEnd, FitEnd] | None:

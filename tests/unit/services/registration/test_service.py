@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from services.registration import image_report
+from services.registration.report import timed_localisation
 from services.registration.service import RegistrationService
 from services.registration.settings import RegistrationSettings
 from services.registration.state import RegistrationState
@@ -262,6 +263,20 @@ def test_a_case_that_cannot_be_used_plans_nothing(outside: Outside) -> None:
 def test_questions_that_are_none_bring_an_error(outside: Outside) -> None:
     with pytest.raises(NoReply, match="not a valid PlanRequest"):
         outside.bus.query(KEYS.plan_request, b"{}", PATIENCE_S)
+
+
+def test_the_image_s_age_is_of_when_its_localisation_is_published(
+    outside: Outside, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slow(*given: object) -> object:
+        outside.clock.now_s += 3.0
+        return timed_localisation(*given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(image_report, "timed_localisation", slow)
+    outside.open_case()
+    outside.frame("one")
+    outside.calibrated("one", None)
+    assert outside.next_record().image_age_s == pytest.approx(3.2)
 
 
 def test_an_image_for_which_there_was_no_memory_is_localised_when_it_is_asked_for_again(

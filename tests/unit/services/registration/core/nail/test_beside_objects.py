@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from services.registration.core.nail import beside_objects, image_fit
+from services.registration.core.nail.bent_nail import bent_optimum
 from services.registration.core.nail.beside_objects import fit_beside_objects, shows_an_object
 from services.registration.core.nail.image_fit import ImageFit, fit_image, is_refused
 from services.registration.core.nail.occluders import Occluders
@@ -133,6 +134,7 @@ def test_a_fit_beside_objects_keeps_the_hole_axes_of_the_holes_surroundings(
 @pytest.mark.requirement("REG-05")
 def test_a_bend_beside_objects_makes_the_straight_nail_uncertain(monkeypatch: pytest.MonkeyPatch) -> None:
     straight = fitted(plain())
+    monkeypatch.setattr(image_fit, "is_refused", Mock(return_value=False))
     monkeypatch.setattr(image_fit, "is_bent", Mock(return_value=True))
     monkeypatch.setattr(image_fit, "BENT_NAIL", replace(BENT_NAIL, largest_error_ratio=np.inf))
     bent = fit_image(plain(), START)
@@ -143,3 +145,17 @@ def test_a_bend_beside_objects_makes_the_straight_nail_uncertain(monkeypatch: py
     assert beside.fit.curvature_per_m == (0.0, 0.0)
     assert beside.fit.evidence.objects_left_out
     assert np.trace(beside.fit.errors.covariance[:3, :3]) > np.trace(straight.fit.errors.covariance[:3, :3])
+
+
+@pytest.mark.requirement("REG-05")
+def test_beside_objects_no_bend_is_looked_for_where_the_straight_nail_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    searched = Mock(wraps=bent_optimum)
+    monkeypatch.setattr(image_fit, "is_bent", Mock(return_value=True))
+    monkeypatch.setattr(image_fit, "is_refused", Mock(return_value=True))
+    monkeypatch.setattr(image_fit, "bent_optimum", searched)
+    fit_image(replace(plain(), objects_left_out=True), START)
+    searched.assert_not_called()
+    fit_image(plain(), START)
+    searched.assert_called_once()

@@ -1,4 +1,4 @@
-"""Images of the campaign: taken, localised, and taken anew as advised."""
+"""The C-arm of the campaign: images are taken, localised, and taken anew as advised."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -15,8 +15,8 @@ _ANOTHER_VIEW_DEG: Final = (2.0, 1.5)
 
 
 @dataclass(frozen=True, slots=True)
-class Images:
-    """The C-arm in people's hands."""
+class CArmOperator:
+    """Takes images until one is accepted, and turns the C-arm as advised."""
 
     people: People
 
