@@ -660,6 +660,8 @@ class GuideAsBuilt:
 
     largest_chi_square: float = tuned(2.5, "1", "chi-square per degree of freedom: a spread is estimated", _AS_BUILT)
     least_freedom: int = tuned(6, "1", "degrees of freedom without which none is", derived("six balls"))
+    most_rounds: int = tuned(6, "1", "measurements in wider surroundings", _AS_BUILT)
+    grown: float = tuned(1.05, "times", "growth of the surroundings without which none follows", _AS_BUILT)
     explained_by_planes: float = tuned(0.5, "1", "share of chi-square for which planes are named", _INSPECTION)
     agreeing_sigmas: float = tuned(
         2.5,

@@ -25,7 +25,14 @@ from services.registration.core.guide.as_built import (
 )
 from services.registration.core.guide.identity import GuideIdentity
 from services.registration.core.guide.lag import lag_px
-from services.registration.core.guide.measure import GuideImage, measured_and_fitted, ring_shadows, shrinkage
+from services.registration.core.guide.measure import (
+    GuideImage,
+    measured_and_fitted,
+    measured_displaced,
+    predicted_within_px,
+    ring_shadows,
+    shrinkage,
+)
 from services.registration.core.guide.search import search_guide
 from services.registration.core.tuning import GUIDE_AS_BUILT, GUIDE_CANDIDATES, GUIDE_MEASUREMENT
 from shared.errors import Accepted, Reason, Rejected
@@ -114,17 +121,44 @@ def measured_guide(
     surroundings_px = pixels_of(GUIDE_MEASUREMENT.surroundings_detector_mm, calibration.pixel_mm)
     quiet = noise_whitened(pixels, usable, around, surroundings_px)
     image = GuideImage(quiet, usable, calibration, guide, ring_shadows(calibration, ring), shrunk)
-    pose, seen, used = measured_and_fitted(image, best)
-    found = int(np.count_nonzero(used))
-    if found < named.needed:
-        quoted = GUIDE_BALLS.quoted(found, named.needed)
-        return Rejected((GUIDE_BALLS.reason(f"of the guide's {len(guide.balls)} balls {quoted} could be measured"),))
-    fit = _guide_fit(calibration, guide, pose, seen, used, named.margin)
+    fit = _fitted(image, measured_and_fitted(image, best), named)
+    displaced_px = 0.0
+    for _ in range(GUIDE_AS_BUILT.most_rounds):
+        if isinstance(fit, Rejected):
+            break
+        before_px, displaced_px = displaced_px, _displacement_sd_px(calibration, fit)
+        grown = predicted_within_px(image, displaced_px) / predicted_within_px(image, before_px)
+        if grown < GUIDE_AS_BUILT.grown:
+            break
+        fit = _fitted(image, measured_displaced(image, fit.camera_from_guide, displaced_px), named)
+    if isinstance(fit, Rejected):
+        return fit
     if not GUIDE_DISPLACEMENT.is_met(fit.displacement_sd_mm):
         return Rejected((_displacement_reason(guide, fit),))
     if not GUIDE_FOCAL_LENGTH.is_met(abs(fit.focal_length.sigmas(calibration.focal_length_deviation))):
         return Rejected((_focal_length_reason(calibration, fit),))
-    return Accepted(replace(fit, lag_px=lag_px(image, pixels, fit.camera_from_guide, used)))
+    return Accepted(replace(fit, lag_px=lag_px(image, pixels, fit.camera_from_guide, fit.used)))
+
+
+def _fitted(
+    image: GuideImage,
+    measured: tuple[Transform[Camera, Guide], Correspondences, NDArray[np.bool_]],
+    named: Named,
+) -> GuideFit | Rejected:
+    """The fit to balls that were measured, unless they are too few."""
+    pose, seen, used = measured
+    found = int(np.count_nonzero(used))
+    if found < named.needed:
+        quoted = GUIDE_BALLS.quoted(found, named.needed)
+        balls = len(image.guide.balls)
+        return Rejected((GUIDE_BALLS.reason(f"of the guide's {balls} balls {quoted} could be measured"),))
+    return _guide_fit(image.calibration, image.guide, pose, seen, used, named.margin)
+
+
+def _displacement_sd_px(calibration: CArmCalibration, fit: GuideFit) -> float:
+    """By how many pixels the balls lie beside their filed places."""
+    middle_mm = np.zeros((1, 3))
+    return fit.displacement_sd_mm * float(px_per_mm(calibration.camera, fit.camera_from_guide, middle_mm)[0])
 
 
 def needed_balls(count: int) -> int:

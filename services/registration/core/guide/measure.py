@@ -1,6 +1,6 @@
 """The guide's balls measured where a pose puts them, and the pose fitted to what was measured."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +73,23 @@ def measured_and_fitted(
         if np.count_nonzero(used) < GUIDE_MEASUREMENT.fewest_balls:
             return wide
     return _measured_and_fitted(image, pose, _settings(image.calibration, GUIDE_MEASUREMENT.drift_px))
+
+
+def measured_displaced(
+    image: GuideImage, pose: Transform[Camera, Guide], displacement_sd_px: float
+) -> tuple[Transform[Camera, Guide], Correspondences, NDArray[np.bool_]]:
+    """The same from a pose whose prediction of each ball errs by the ball's displacement as well.
+
+    Within the surroundings for balls that lie as filed a displaced one is measured nearer to its filed place, or not
+    seen, and the others make the displacement look small.
+    """
+    usual = _settings(image.calibration, GUIDE_MEASUREMENT.drift_px)
+    return _measured_and_fitted(image, pose, replace(usual, drift_px=predicted_within_px(image, displacement_sd_px)))
+
+
+def predicted_within_px(image: GuideImage, displacement_sd_px: float) -> float:
+    """Standard deviation with which a pose predicts balls that are displaced so much."""
+    return float(np.hypot(_settings(image.calibration, GUIDE_MEASUREMENT.drift_px).drift_px, displacement_sd_px))
 
 
 def _settings(calibration: CArmCalibration, drift_px: float) -> MeasurementSettings:

@@ -120,6 +120,20 @@ def test_found_from_thirteen_balls_and_predicted_errors_are_real(guide: GuidePar
     assert 0.02 < np.mean(squares) < 4.0
 
 
+@pytest.mark.parametrize("displaced_mm", [0.1, 0.17])
+def test_displaced_balls_are_measured_where_they_are(guide: GuidePart, displaced_mm: float) -> None:
+    """Where surroundings were too narrow for them, the displacement looked smaller than it was."""
+    found = []
+    for seed in range(3):
+        rng, true = np.random.default_rng([7, seed]), posed((20.0, 3.0, -4.0))
+        balls = balls_of(guide, true, np.ones(28, dtype=bool))
+        balls[:, :3] += rng.normal(0.0, displaced_mm, (28, 3))
+        found.append(fit_of(located(Scene(SIZE_PX, balls=balls), guide, seed)))
+    print(f"displacement {[round(fit.displacement_sd_mm, 3) for fit in found]} mm")
+    assert np.median([fit.displacement_sd_mm for fit in found]) == pytest.approx(displaced_mm, rel=0.2)
+    assert all(fit.balls_found >= 24 for fit in found)
+
+
 def test_no_guide_is_not_found(guide: GuidePart) -> None:
     rng = np.random.default_rng(4)
     clutter = np.column_stack([rng.uniform(-40, 40, (30, 2)), np.full(30, 640.0), np.full(30, 2.0)])
