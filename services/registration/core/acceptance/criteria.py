@@ -214,6 +214,12 @@ BENT_MARGIN: Final = Criterion(
     at_least(0.0, "", decimals=1), MIRROR_MARGIN.remedy,
     "prior: nails of such a bend (radii of about 400 mm) are rare, and an image that tells neither apart counts for "
     "the straight one; 0.4 is the smallest of the 28 independent images")
+STRAIGHT_MARGIN: Final = Criterion(
+    ReasonCode.MIRROR_AMBIGUOUS,
+    "logarithm of the likelihood ratio between a bent nail and a straight one of another tilt",
+    at_least(40.0, "", decimals=1), MIRROR_MARGIN.remedy,
+    "fitted on seeds 60200-60211: 55 to 68 of nails that are bent so, at most 28 of straight ones whose holes are "
+    "askew as makers allow, to which a bend of the reflected tilt comes near")
 CLEAR_VIEW: Final = Openings(BEST_OPENING, OTHER_OPENING)
 
 # The localisation: guide and nail together

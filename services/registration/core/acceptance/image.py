@@ -30,6 +30,7 @@ from services.registration.core.acceptance.criteria import (
     OTHER_RIM,
     PROCESSING,
     SPOT,
+    STRAIGHT_MARGIN,
     STRUCTURE,
     TILT,
     Openings,
@@ -85,6 +86,8 @@ class FitEvidence:
     # Of a straight nail, the same over the pose of a bent one that looks nearly alike, mostly the reflected tilt with a
     # radius of about 400 mm. Infinite where such a pose was far from explaining the image.
     bent_margin: float = math.inf
+    # Of a bent nail, the same over the pose of the straight one, where that has another tilt; infinite elsewhere.
+    straight_margin: float = math.inf
     openings: Openings = CLEAR_VIEW
     objects_left_out: bool = False  # pixels over the nail that are darker than an earlier fit
 
@@ -224,6 +227,12 @@ def _ambiguity(evidence: FitEvidence, remedy: str) -> Iterator[Reason]:
         yield BENT_MARGIN.reason(
             "a nail that is bent, with another tilt, explains the image better than a straight one: logarithm of the "
             f"likelihood ratio {BENT_MARGIN.quoted(evidence.bent_margin)}",
+            remedy,
+        )
+    if not STRAIGHT_MARGIN.is_met(evidence.straight_margin):
+        yield STRAIGHT_MARGIN.reason(
+            "a straight nail with another tilt explains the image nearly as well as a bent one: logarithm of the "
+            f"likelihood ratio {STRAIGHT_MARGIN.quoted(evidence.straight_margin)}",
             remedy,
         )
 

@@ -66,7 +66,9 @@ class FitEnd:
     solution: Solution
     noise: NoiseModel
     margin: float  # see `FitEvidence.mirror_margin`
-    bent_margin: float = np.inf  # see `FitEvidence.bent_margin`
+    # see `FitEvidence`
+    bent_margin: float = np.inf
+    straight_margin: float = np.inf
 
     @staticmethod
     def of(problem: Problem, solution: Solution, margin: float) -> "FitEnd":
@@ -161,6 +163,8 @@ def _bent(straight: FitEnd, freed: Problem, there: Solution, bent_margin: float)
     end = FitEnd.of(problem, solution, straight.margin if margin is None else margin)
     if found.straight_margin is not None:
         straight = replace(straight, bent_margin=found.straight_margin)
+        if found.straight_margin < 0.0:
+            end = replace(end, straight_margin=-found.straight_margin)
     return end, straight
 
 
@@ -182,6 +186,7 @@ def _with_evidence(end: FitEnd, errors: PoseErrors, *, objects_left_out: bool) -
         nail_radius_excess_mm=float(parameters[Parameter.NAIL_RADIUS_EXCESS_MM]),
         mirror_margin=end.margin / parts.pull_ratio,
         bent_margin=end.bent_margin / parts.pull_ratio,
+        straight_margin=end.straight_margin / parts.pull_ratio,
         error_ratio=parts.error_ratio,
         rim_shares=rim_shares(model.region, model.nail),
         objects_left_out=objects_left_out,

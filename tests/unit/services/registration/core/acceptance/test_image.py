@@ -170,6 +170,11 @@ def test_within_all_limits_is_accepted() -> None:
             ReasonCode.MIRROR_AMBIGUOUS,
             "explains the image better than a straight one: logarithm of the likelihood ratio -0.4 (at least 0)",
         ),
+        (
+            replace(FIT, straight_margin=28.0),
+            ReasonCode.MIRROR_AMBIGUOUS,
+            "explains the image nearly as well as a bent one: logarithm of the likelihood ratio 28.0 (at least 40)",
+        ),
     ],
 )
 def test_each_limit_of_the_fit_has_its_reason(evidence: FitEvidence, code: ReasonCode, words: str) -> None:
@@ -186,6 +191,7 @@ def test_each_limit_of_the_fit_has_its_reason(evidence: FitEvidence, code: Reaso
         replace(FIT, residual=ResidualStatistics(2.0, 10.0, 0.3, 0.1)),
         replace(FIT, mirror_margin=8.0),
         replace(FIT, bent_margin=0.0),
+        replace(FIT, straight_margin=40.0),
         replace(FIT, holes=FIT.holes[:1], rim_shares=(0.9,), mirror_margin=40.0),
     ],
 )
@@ -234,6 +240,7 @@ def test_one_hole_alone_must_be_clearer_than_two(margin: float, codes: list[Reas
         replace(FIT, residual=replace(RESIDUAL, spot=NAN)),
         replace(FIT, mirror_margin=NAN),
         replace(FIT, bent_margin=NAN),
+        replace(FIT, straight_margin=NAN),
     ],
 )
 def test_what_is_no_number_is_refused(evidence: FitEvidence) -> None:
