@@ -121,16 +121,7 @@ def measured_guide(
     surroundings_px = pixels_of(GUIDE_MEASUREMENT.surroundings_detector_mm, calibration.pixel_mm)
     quiet = noise_whitened(pixels, usable, around, surroundings_px)
     image = GuideImage(quiet, usable, calibration, guide, ring_shadows(calibration, ring), shrunk)
-    fit = _fitted(image, measured_and_fitted(image, best), named)
-    displaced_px = 0.0
-    for _ in range(GUIDE_AS_BUILT.most_rounds):
-        if isinstance(fit, Rejected):
-            break
-        before_px, displaced_px = displaced_px, _displacement_sd_px(calibration, fit)
-        grown = predicted_within_px(image, displaced_px) / predicted_within_px(image, before_px)
-        if grown < GUIDE_AS_BUILT.grown:
-            break
-        fit = _fitted(image, measured_displaced(image, fit.camera_from_guide, displaced_px), named)
+    fit = _fitted_as_built(image, named)
     if isinstance(fit, Rejected):
         return fit
     if not GUIDE_DISPLACEMENT.is_met(fit.displacement_sd_mm):
@@ -138,6 +129,20 @@ def measured_guide(
     if not GUIDE_FOCAL_LENGTH.is_met(abs(fit.focal_length.sigmas(calibration.focal_length_deviation))):
         return Rejected((_focal_length_reason(calibration, fit),))
     return Accepted(replace(fit, lag_px=lag_px(image, pixels, fit.camera_from_guide, fit.used)))
+
+
+def _fitted_as_built(image: GuideImage, named: Named) -> GuideFit | Rejected:
+    """The fit to balls that were each looked for as far from its filed place as the others lie from theirs."""
+    fit, displaced_px = _fitted(image, measured_and_fitted(image, named.identity), named), 0.0
+    for _ in range(GUIDE_AS_BUILT.most_rounds):
+        if isinstance(fit, Rejected):
+            break
+        before_px, displaced_px = displaced_px, _displacement_sd_px(image.calibration, fit)
+        grown = predicted_within_px(image, displaced_px) / predicted_within_px(image, before_px)
+        if grown < GUIDE_AS_BUILT.grown:
+            break
+        fit = _fitted(image, measured_displaced(image, fit.camera_from_guide, displaced_px), named)
+    return fit
 
 
 def _fitted(
