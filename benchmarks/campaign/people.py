@@ -145,7 +145,7 @@ class People:
         return self.system.rig.state
 
     def stop_code(self) -> str:
-        """Code of the state in which the robot came to rest."""
+        """Code of the state in which the robot stands."""
         return {MotionState.FAULT: "fault", MotionState.STOPPED: "stopped"}.get(self.robot.state, "failed")
 
     def disturb_motion(self) -> None:

@@ -37,10 +37,13 @@ def play(seed: int, lead: Lead = Procedure.run) -> CaseRow:
     try:
         row = _played(seed, troubles, lead)
     except Exception as error:  # noqa: BLE001 - the border of a task: whatever it is, it is a row
-        place = traceback.extract_tb(error.__traceback__)[-1]
-        why = f"crashed: {type(error).__name__} in {Path(place.filename).name}:{place.lineno}: {error}"
-        row = replace(_empty_row(seed, troubles), ending=Ending.CRASHED, why=why)
+        row = replace(_empty_row(seed, troubles), ending=Ending.CRASHED, why=_crash(error))
     return replace(row, took_s=time.process_time() - begun)
+
+
+def _crash(error: Exception) -> str:
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    return f"crashed: {type(error).__name__} in {Path(place.filename).name}:{place.lineno}: {error}"
 
 
 def _played(seed: int, troubles: Troubles, lead: Lead) -> CaseRow:
@@ -50,15 +53,16 @@ def _played(seed: int, troubles: Troubles, lead: Lead) -> CaseRow:
         system = System(rig, Path(folder))
         room, watch = CampaignRoom(scenario, rig, troubles), MotionWatch(rig)
         people = People(scenario, system, room, watch, troubles)
-        procedure = Procedure(people, CArmOperator(people))
+        procedure, crashed = Procedure(people, CArmOperator(people)), False
         try:
             why = lead(procedure)
-        finally:
-            system.close()
+        except Exception as error:  # noqa: BLE001 - what harmed until then counts, whatever ended it
+            why, crashed = _crash(error), True
+        system.close()
     harms = (*watch.harms, *filter(None, (harm_of(hole) for hole in people.holes)))
     return replace(
         _empty_row(seed, troubles),
-        ending=_ending(harms, procedure, why),
+        ending=_ending(harms, procedure, why, crashed=crashed),
         why=why,
         noticed=tuple(people.noticed),
         harms=harms,
@@ -90,9 +94,11 @@ def _empty_row(seed: int, troubles: Troubles) -> CaseRow:
     )
 
 
-def _ending(harms: tuple[str, ...], procedure: Procedure, why: str) -> Ending:
+def _ending(harms: tuple[str, ...], procedure: Procedure, why: str, *, crashed: bool) -> Ending:
     if harms:
         return Ending.HARM
+    if crashed:
+        return Ending.CRASHED
     if procedure.against:
         return Ending.AGAINST_ADVICE
     if not why:

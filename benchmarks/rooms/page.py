@@ -22,8 +22,8 @@ machine's kernel has no `netem`, so loss is what a program on TCP sees of it (a 
 ## A room beside a disturbance
 
 A ratio is the median over the rounds of the ratio of medians, with and without; the limit is {limit:g}. Processors of
-one machine slow one another, machines in a hospital do not: rounds without a flood have the same flood on the same
-processor, at another site. What that alone does is in the last row, which has no limit.
+one machine slow one another, machines in a hospital do not: a flood is compared with the same flood on the same
+processor at another site. What that alone does is in the last row, which has no limit.
 
 | meanwhile | of | median without -> with | 99 % without -> with | ratio | no answer without -> with |
 |---|---|---|---|---|---|

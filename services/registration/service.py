@@ -217,7 +217,7 @@ class RegistrationService:
         return str(error), f"image {job.image.sha256[:12]} brought a fault: {error}; take another image"
 
     def next_image(self, timeout_s: float) -> CalibrationMessage | None:
-        """Wait up to `timeout_s` for the calibration of the image to localise next, which is in work until then."""
+        """Wait up to `timeout_s` for the calibration of the next image, which is in work until another is asked for."""
         return self._jobs.take(timeout_s)
 
     def localise(self, job: CalibrationMessage) -> None:

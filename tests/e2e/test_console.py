@@ -268,7 +268,7 @@ def _who_has_not_seen_what_another_did_plans_nothing(operator: ConsoleOperator) 
 
 
 def _press_until_told(page: Page, button: str, words: str) -> None:
-    """Press, and again where no answer came: beside a busy machine a request may be lost, and people press again."""
+    """Press, and again where no answer shows, as people do."""
     told = page.locator(f".problem:has-text('{words}')")
     for _ in range(PRESSES):
         page.get_by_role("button", name=button).click()

@@ -218,8 +218,8 @@ STRAIGHT_MARGIN: Final = Criterion(
     ReasonCode.MIRROR_AMBIGUOUS,
     "logarithm of the likelihood ratio between a bent nail and a straight one of another tilt",
     at_least(40.0, "", decimals=1), MIRROR_MARGIN.remedy,
-    "fitted on seeds 60200-60211: 55 to 68 of nails that are bent so, at most 28 of straight ones whose holes are "
-    "askew as makers allow, to which a bend of the reflected tilt comes near")
+    "fitted on seeds 60200-60211: 55 to 68 of four nails that are bent so, 28 of the one straight nail with holes "
+    "askew, as makers allow, that a bent one of the reflected tilt explains better")
 CLEAR_VIEW: Final = Openings(BEST_OPENING, OTHER_OPENING)
 
 # The localisation: guide and nail together

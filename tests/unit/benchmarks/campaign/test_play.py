@@ -26,6 +26,18 @@ def test_an_error_that_nobody_foresaw_is_a_row_with_a_seed() -> None:
     assert row.harms == ()
 
 
+def _harmed_and_failing(procedure: Procedure) -> NoReturn:
+    procedure.people.watch.harms.append("unheld: for the test")
+    raise ZeroDivisionError("of nothing")
+
+
+def test_what_harmed_before_an_error_counts_as_harm() -> None:
+    row = play(_BEYOND_THE_SCALE, _harmed_and_failing)
+    assert row.ending is Ending.HARM
+    assert row.harms == ("unheld: for the test",)
+    assert row.why.startswith("crashed: ZeroDivisionError")
+
+
 def test_an_entry_beyond_the_scale_is_refused_when_the_case_is_opened() -> None:
     """People learn what they sent, the limit and what to do; the case is opened with what the scale says."""
     scenario = scenario_of_seed(_BEYOND_THE_SCALE)

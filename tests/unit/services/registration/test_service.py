@@ -265,7 +265,7 @@ def test_questions_that_are_none_bring_an_error(outside: Outside) -> None:
         outside.bus.query(KEYS.plan_request, b"{}", PATIENCE_S)
 
 
-def test_the_image_s_age_is_of_when_its_localisation_is_published(
+def test_the_age_of_an_image_is_that_when_its_localisation_is_published(
     outside: Outside, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def slow(*given: object) -> object:
