@@ -18,6 +18,8 @@ T ?= tests/unit
 # Sources of kernels: workers must find them compiled, or each would compile all of them.
 KERNELS := $(shell grep -rlE --include='*.py' 'njit|compiled' services shared simulation)
 COMPILED := .venv/.compiled
+# Bytecode of what is run in place, as pip makes it of what it installs: also where Python must not write it later.
+PACKAGES := distalock services shared simulation baselines benchmarks tools
 CONSOLE := .venv/.console
 
 .PHONY: help setup demo test check lint console tests contract-tests e2e-tests quick-tests unit attacks fuzz examples model-check mutation faults bench lock version release containers screenshots \
@@ -54,6 +56,7 @@ $(INSTALLED): requirements.lock pyproject.toml
 
 $(COMPILED): $(INSTALLED) $(KERNELS)
 	$(BIN)/python -m distalock.prepare
+	$(BIN)/python -m compileall -q -j $(WORKERS) $(PACKAGES)
 	@touch $@
 
 # Whether it is up to date, the command itself finds out, by the content of the files.

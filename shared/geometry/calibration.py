@@ -117,6 +117,11 @@ class CArmCalibration:
         return float(self.camera_from_ring.translation_mm[2] / self.camera.focal_length_px)
 
     @property
+    def ring_spread_mm(self) -> float:
+        """Rms distance per axis of the ring's balls from where the calibration has them, at the ring's plane."""
+        return self.reprojection_rms_px * self.pixel_mm
+
+    @property
     def focal_length_deviation(self) -> float:
         """Relative standard deviation of the focal length, by that of the focal spot along the camera's axis."""
         along = self.camera_from_ring.rotation[2]

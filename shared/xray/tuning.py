@@ -19,6 +19,10 @@ _APERTURES: Final = fitted("by inspection on the seeded images of `tests/unit/sh
 _INSPECTION: Final = fitted("by inspection; no run that compared alternatives is recorded")
 _DESCENT: Final = fitted("by inspection: it changes the number of steps, not where they end")
 _WITHIN_PATCH: Final = derived("guard: beyond, a disc is no longer the one that was found")
+_AS_BUILT: Final = fitted(
+    "by inspection, `distalock bench built_parts` and `processing --seeds fit`: rings as filed show 0.05 mm at most, "
+    "in images of half the size; balls 0.07 mm off widen entries by 0.1 mm"
+)
 _DEAD = fitted("by inspection on images of `tests/unit/shared/xray/test_dead_pixels.py` and own scenes 30044-30063")
 
 
@@ -231,7 +235,16 @@ class DeadPixels:
     dead_share_of_line: float = tuned(0.4, "1", "share of dead pixels from which a whole line is dead", _DEAD)
 
 
+@dataclass(frozen=True, slots=True)
+class BallsAsBuilt:
+    """Balls beside their file's places: from where a refusal names them as its cause (`shared/parts/as_built.py`)."""
+
+    ring_named_from_mm: float = tuned(0.07, "mm", "spread of the ring's balls, per axis", _AS_BUILT)
+    guide_named_from_mm: float = tuned(0.05, "mm", "spread of the guide's balls, per axis", _AS_BUILT)
+
+
 APERTURE_SEARCH = ApertureSearch()
+BALLS_AS_BUILT = BallsAsBuilt()
 DEAD_PIXELS = DeadPixels()
 DISC_DETECTION = DiscDetection()
 DISC_FITTING = DiscFitting()

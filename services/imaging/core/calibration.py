@@ -109,9 +109,9 @@ def calibrate_there(
     observations = Observations(measured.centre_px[seen], deviation_px[seen], ring.balls.position_mm[seen])
     estimate = _estimate(observations, image, nominal, start)
     model = _source_and_field(image, estimate)
-    if reasons := calibration_reasons(image, measured, expected, model):
-        return Rejected(reasons)
     calibration = _calibration(image, measured, estimate, model)
+    if reasons := calibration_reasons(image, measured, expected, model, calibration.ring_spread_mm):
+        return Rejected(reasons)
     return Accepted(replace(calibration, focal_spot_mm=nominal.focal_spot_mm))
 
 

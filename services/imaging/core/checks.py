@@ -19,6 +19,7 @@ from services.imaging.core.tuning import DISTORTION_MODEL
 from shared.acceptance import Criterion
 from shared.errors import Reason, ReasonCode
 from shared.geometry.parts import RingPart
+from shared.parts.as_built import MEASURE_THE_RING, because_of_the_ring
 from shared.xray.discs import FloatImage, Mask
 from shared.xray.measurement import BallMeasurements, Discs
 
@@ -68,10 +69,10 @@ def too_few_reason(measured: BallMeasurements, ring: RingPart) -> Reason | None:
 
 
 def calibration_reasons(
-    image: UprightImage, measured: BallMeasurements, expected: Discs, model: SourceAndField
+    image: UprightImage, measured: BallMeasurements, expected: Discs, model: SourceAndField, ring_spread_mm: float
 ) -> tuple[Reason, ...]:
-    """Reasons against a calibration; none when it is accepted."""
-    reasons = (motion_reason(image, measured, expected), _extrapolation_reason(image, model))
+    """Reasons against a calibration, of whose ring the balls lie so far (rms) from their places; none when accepted."""
+    reasons = (motion_reason(image, measured, expected), _extrapolation_reason(image, model, ring_spread_mm))
     return tuple(r for r in reasons if r is not None)
 
 
@@ -83,14 +84,16 @@ def motion_reason(image: UprightImage, measured: BallMeasurements, expected: Dis
     return None if SMEAR.is_met(smear_px) else SMEAR.reason(f"the balls are smeared over {SMEAR.quoted(smear_px)}")
 
 
-def _extrapolation_reason(image: UprightImage, model: SourceAndField) -> Reason | None:
+def _extrapolation_reason(image: UprightImage, model: SourceAndField, ring_spread_mm: float) -> Reason | None:
     central_px = _central_deviation_px(image, model)
     source_mm = float(np.sqrt(np.linalg.eigvalsh(model.source_covariance_mm2)[-1]))
     if CENTRAL_DEVIATION.is_met(central_px) and SOURCE_DEVIATION.is_met(source_mm):
         return None
+    displaced = because_of_the_ring(ring_spread_mm)
     return SOURCE_DEVIATION.reason(
         f"the ring's balls leave the image's middle uncertain by {CENTRAL_DEVIATION.quoted(central_px)} "
-        f"and the focal spot by {SOURCE_DEVIATION.quoted(source_mm)}"
+        f"and the focal spot by {SOURCE_DEVIATION.quoted(source_mm)}{displaced}",
+        MEASURE_THE_RING if displaced else "",
     )
 
 

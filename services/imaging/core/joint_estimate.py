@@ -5,7 +5,7 @@ q = s + (p - s) S / (S + z). What leads from measured pixels to that plane is on
 whatever tilt and distortion it is made of. Two plates at different heights separate source and field.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from services.imaging.core.distortion_field import (
     FieldSolution,
     Hyperparameters,
     LinearSystem,
+    RestrictedLikelihood,
     most_likely_hyperparameters,
     solve_field,
 )
@@ -160,7 +161,7 @@ def estimate_jointly(
     system = _linearised(observations, start_mm, nominal, gauge)
     # A first estimate only predicts where to measure: half a search is enough for it.
     evaluations = DISTORTION_MODEL.first_evaluations if start is None else DISTORTION_MODEL.evaluations
-    found = most_likely_hyperparameters(system, start or _first_hyperparameters(system, gauge), evaluations)
+    found = _hyperparameters(system, gauge, start or _first_hyperparameters(system, gauge), evaluations)
     source = start_mm
     while True:
         chosen = observations.select(used)
@@ -170,7 +171,26 @@ def estimate_jointly(
             return JointEstimate(source, gauge, used, solution)
         used[np.flatnonzero(used)[bad]] = False
         system = _linearised(observations.select(used), source, nominal, gauge)
-        found = most_likely_hyperparameters(system, found, DISTORTION_MODEL.next_evaluations)
+        found = _hyperparameters(system, gauge, found, DISTORTION_MODEL.next_evaluations)
+
+
+def _hyperparameters(system: LinearSystem, gauge: Gauge, start: Hyperparameters, evaluations: int) -> Hyperparameters:
+    """The most likely ones, searched once more where the balls lie beside their file's places.
+
+    From the noise of a ring as filed a short search ends where all is noise, and the image would be taken for one
+    without distortion.
+    """
+    s = DISTORTION_MODEL
+    found = most_likely_hyperparameters(system, start, evaluations)
+    if found.noise_factor < s.displaced_noise_factor:
+        return found
+    other = replace(
+        found,
+        amplitude_px=pixels(s.displaced_amplitude_detector_mm, gauge.pixel_mm),
+        length_px=s.displaced_length * system.half_size_px,
+    )
+    again = most_likely_hyperparameters(system, other, s.displaced_evaluations)
+    return max(found, again, key=RestrictedLikelihood(system, start.order).of)
 
 
 def _first_hyperparameters(system: LinearSystem, gauge: Gauge) -> Hyperparameters:

@@ -11,6 +11,7 @@ from shared.tuning import declared_groups, derived, fitted, physical, standard, 
 _IDENTIFICATION: Final = fitted("by inspection on the seeded rings of `python -m benchmarks.imaging.identification`")
 _CALIBRATION: Final = fitted("by inspection on the seeded images of `python -m benchmarks.imaging.calibration`")
 _BALLS: Final = fitted("by inspection on the seeded images of `python -m benchmarks.imaging.ball_detection`")
+_RING_BALLS: Final = fitted("rings with displaced balls: `distalock bench built_parts --kind ring_balls --seeds fit`")
 _LIVE: Final = fitted("by inspection on the seeded frames of `python -m benchmarks.imaging.live_mode`")
 _STILL: Final = fitted("by inspection on the seeded frames of `tests/unit/services/imaging/core/test_still_frames.py`")
 _QUALITY: Final = fitted("by inspection on seeded images of damaged rings")
@@ -159,6 +160,14 @@ class DistortionModel:
     )
     evaluations: int = tuned(40, "1", "likelihoods of the second estimate", _CALIBRATION)
     next_evaluations: int = tuned(15, "1", "likelihoods after outliers are left out", _CALIBRATION)
+    displaced_noise_factor: float = tuned(
+        5.0, "1", "noise factor from which the balls are taken to lie beside their file's places", _RING_BALLS
+    )
+    displaced_amplitude_detector_mm: float = tuned(
+        0.235, "mm", "amplitude from which the search then starts once more", _RING_BALLS
+    )
+    displaced_length: float = tuned(0.5, "half sizes", "correlation length from which it then starts", _RING_BALLS)
+    displaced_evaluations: int = tuned(60, "1", "likelihoods of that search", _RING_BALLS)
     gauge_reach: float = tuned(
         0.25, "widths", "standard deviation of the weights of the ideal image's scale", _CALIBRATION
     )

@@ -19,7 +19,7 @@ from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.guide_from_nail import guide_from_nail_of
 from services.registration.core.guide_scale import scale_that_agrees
 from services.registration.core.hole_axes import HoleEstimate, holes_at
-from services.registration.core.localise import LocalisationResult, Parts
+from services.registration.core.localise import LocalisationResult, Parts, departures_of
 from services.registration.core.nail.parameters import SHAPE_PARAMETERS, Parameter, priors
 from services.registration.core.tuning import NAIL_PRIORS
 from shared.errors import Reason, ReasonCode
@@ -82,8 +82,11 @@ def fuse_localisations(images: tuple[LocalisedImage, ...], parts: Parts) -> Fuse
         return None
     used, found = tuple(estimates), tuple(estimates.values())
     shown = used[-1]
-    newest = images[shown].result
-    assert newest.nail is not None  # `usable_estimate` needs one
+    newest, calibration = images[shown].result, images[shown].calibration
+    # `usable_estimate` needs all of them
+    assert newest.nail is not None
+    assert newest.guide is not None
+    assert calibration is not None
     camera_from_nail = newest.nail.camera_from_nail
     if len(used) == 1:
         shares = tuple(ImageShare(k == shown, None) for k in range(len(images)))
@@ -95,9 +98,10 @@ def fuse_localisations(images: tuple[LocalisedImage, ...], parts: Parts) -> Fuse
     if against is not None:
         result = replace(newest, reasons=(against,))
     else:
-        as_found = parts if newest.nail is None else parts.with_nail_as_found(newest.nail)
+        as_found = parts.with_nail_as_found(newest.nail)
         holes = _holes(joint, as_found, camera_from_nail, joint.covariance_with_bend)
-        result = replace(newest, reasons=uncertainty_reasons(holes), guide_from_nail=joint.pose.mean, holes=holes)
+        reasons = uncertainty_reasons(holes, departures_of(calibration, newest.guide, newest.nail))
+        result = replace(newest, reasons=reasons, guide_from_nail=joint.pose.mean, holes=holes)
     freedom = joint.degrees_of_freedom
     return FusedLocalisation(result, shown, shares, joint.chi_square, chi_square_limit(freedom), freedom)
 

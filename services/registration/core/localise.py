@@ -7,7 +7,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.acceptance.image import LocalisationEvidence, localisation_reasons
+from services.registration.core.acceptance.image import Departures, LocalisationEvidence, localisation_reasons
 from services.registration.core.c_arm_advice import CArmTurn, c_arm_correction_deg
 from services.registration.core.guide.locate import GuideFit, locate_guide
 from services.registration.core.guide_from_nail import NailEstimate, guide_from_nail_of
@@ -122,12 +122,21 @@ def conclude(
             guide_from_nail,
             holes,
             correction,
-            found_nail.error_ratio,
-            found_nail.hole_spread_mm,
-            found_guide.lag_px,
+            departures_of(calibration, found_guide, found_nail),
         )
     )
     return LocalisationResult(reasons, found_guide, found_nail, guide_from_nail, holes, correction)
+
+
+def departures_of(calibration: CArmCalibration, guide: GuideFit, nail: NailEstimate) -> Departures:
+    """What ring, guide and nail show to be otherwise than modelled."""
+    return Departures(
+        error_ratio=nail.error_ratio,
+        lag_px=guide.lag_px,
+        guide_spread_mm=guide.displacement_sd_mm,
+        ring_spread_mm=calibration.ring_spread_mm,
+        hole_spread_mm=nail.hole_spread_mm,
+    )
 
 
 def hole_estimates(

@@ -14,6 +14,7 @@ from scipy.special import chdtri
 from shared.acceptance import Criterion, Finding, at_least, at_most
 from shared.equipment import LEAST_CHANCE_TO_PASS
 from shared.errors import ReasonCode
+from shared.parts.as_built import MEASURE_THE_GUIDE
 
 _INSPECTION: Final = "fitted by inspection on seeded scenes of `benchmarks.scenes.random_scenes`"
 _REQUIREMENT: Final = "required: errors beyond it count as wrong in `distalock bench accuracy`"
@@ -96,8 +97,7 @@ GUIDE_SHARE: Final = Criterion(
 GUIDE_DISPLACEMENT: Final = Criterion(
     ReasonCode.GUIDE_MODEL_MISMATCH,
     "standard deviation of the balls about where the guide's file puts them, beyond measurement and stated tolerance",
-    at_most(0.3, "mm", decimals=2),
-    "measure the guide (`distalock calibrate guide`), or check that the file is that of this guide",
+    at_most(0.3, "mm", decimals=2), MEASURE_THE_GUIDE,
     "derived: three times the 0.1 mm to which plates are drilled")
 GUIDE_FOCAL_LENGTH: Final = Criterion(
     ReasonCode.GUIDE_MODEL_MISMATCH,

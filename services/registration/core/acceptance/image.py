@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Final
 
 from services.registration.core.acceptance.criteria import (
     AGREEMENT_BESIDE_OBJECTS,
@@ -44,6 +45,7 @@ from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.parts import GuidePart, NailPart
 from shared.geometry.transform import Transform
+from shared.parts.as_built import MEASURE_THE_GUIDE, MEASURE_THE_RING, because_of_the_guide, because_of_the_ring
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +94,32 @@ class FitEvidence:
     objects_left_out: bool = False  # pixels over the nail that are darker than an earlier fit
 
 
+@dataclass(frozen=True, slots=True)
+class Departures:
+    """What an image shows to be otherwise than the model and the part files have it, and makes axes uncertain."""
+
+    error_ratio: float = 1.0  # of the nail's rotation, over what the noise explains
+    lag_px: float = 0.0  # how far the guide's balls reach to one side: earlier frames are in the image
+    # Of balls and holes about their places in the files, as the image shows it
+    guide_spread_mm: float = 0.0
+    ring_spread_mm: float = 0.0
+    hole_spread_mm: float = 0.0
+
+    def cause_of_uncertainty(self) -> tuple[str, str]:
+        """Clause that names the cause other than noise, and what to do about it; empty where noise is the cause."""
+        causes = (
+            (_because_of_processing(self.error_ratio), PROCESSING.remedy),
+            (_because_of_lag(self.lag_px), LAG_REMEDY),
+            (because_of_the_guide(self.guide_spread_mm), MEASURE_THE_GUIDE),
+            (because_of_the_ring(self.ring_spread_mm), MEASURE_THE_RING),
+            (_because_of_the_nail(self.hole_spread_mm), DIAMETER_EXCESS.remedy),
+        )
+        return next((cause for cause in causes if cause[0]), ("", ""))
+
+
+AS_MODELLED: Final = Departures()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalisationEvidence:
     """What the acceptance of a localisation depends on in which ring, guide and nail were all found."""
@@ -103,9 +131,7 @@ class LocalisationEvidence:
     guide_from_nail: Transform[Guide, Nail]
     holes: tuple[HoleEstimate, ...]
     correction: CArmTurn
-    error_ratio: float = 1.0  # of the nail's rotation, over what the noise explains
-    hole_spread_mm: float = 0.0  # of the nail's holes about their places in the file, as the image shows it
-    lag_px: float = 0.0  # how far the guide's balls reach to one side: earlier frames are in the image
+    departures: Departures = AS_MODELLED
 
 
 def fit_reasons(evidence: FitEvidence) -> tuple[Reason, ...]:
@@ -129,20 +155,13 @@ def localisation_reasons(evidence: LocalisationEvidence) -> tuple[Reason, ...]:
         *_extrapolated(evidence),
         *_exchanged(evidence),
         *(reason for hole in evidence.holes for reason in _tilted(hole, evidence.correction)),
-        *uncertainty_reasons(evidence.holes, evidence.error_ratio, evidence.hole_spread_mm, evidence.lag_px),
+        *uncertainty_reasons(evidence.holes, evidence.departures),
     )
 
 
-def uncertainty_reasons(
-    holes: tuple[HoleEstimate, ...], error_ratio: float = 1.0, hole_spread_mm: float = 0.0, lag_px: float = 0.0
-) -> tuple[Reason, ...]:
+def uncertainty_reasons(holes: tuple[HoleEstimate, ...], departures: Departures) -> tuple[Reason, ...]:
     """Reasons against holes whose axes are too uncertain, whether from one image or from several."""
-    causes = (
-        (_because_of_processing(error_ratio), PROCESSING.remedy),
-        (_because_of_lag(lag_px), LAG_REMEDY),
-        (_because_of_the_nail(hole_spread_mm), DIAMETER_EXCESS.remedy),
-    )
-    cause = next((one for one in causes if one[0]), ("", ""))
+    cause = departures.cause_of_uncertainty()
     return tuple(reason for hole in holes for reason in _uncertain(hole, *cause))
 
 
@@ -238,14 +257,15 @@ def _ambiguity(evidence: FitEvidence, remedy: str) -> Iterator[Reason]:
 
 
 def _extrapolated(evidence: LocalisationEvidence) -> Iterator[Reason]:
-    calibration = evidence.calibration
+    calibration, displaced = evidence.calibration, because_of_the_ring(evidence.departures.ring_spread_mm)
     for hole in evidence.nail.holes:
         place_px = calibration.image_from_camera(evidence.camera_from_nail @ hole.axis.point_mm)
         deviation_px = float(calibration.distortion.standard_deviation_at(place_px))
         if not DISTORTION_DEVIATION.is_met(deviation_px):
             yield DISTORTION_DEVIATION.reason(
                 f"nail hole '{hole.id}' lies at ({place_px[0]:.0f}, {place_px[1]:.0f}) px, where the ring leaves the "
-                f"image's distortion uncertain by {DISTORTION_DEVIATION.quoted(deviation_px)}"
+                f"image's distortion uncertain by {DISTORTION_DEVIATION.quoted(deviation_px)}{displaced}",
+                MEASURE_THE_RING if displaced else "",
             )
 
 

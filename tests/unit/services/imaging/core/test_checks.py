@@ -136,8 +136,8 @@ def model(source_sd_mm: tuple[float, float, float] = (1.0, 1.0, 1.0), at_px: Arr
     )
 
 
-def reasons_against(calibration: SourceAndField) -> list[str]:
-    found = calibration_reasons(upright(BLANK), *measured_and_expected(), calibration)
+def reasons_against(calibration: SourceAndField, ring_spread_mm: float = 0.02) -> list[str]:
+    found = calibration_reasons(upright(BLANK), *measured_and_expected(), calibration, ring_spread_mm)
     assert {reason.code for reason in found} <= {ReasonCode.CALIBRATION_EXTRAPOLATED}
     return [reason.message for reason in found]
 
@@ -158,6 +158,15 @@ def test_a_focal_spot_that_is_uncertain_in_any_direction_is_refused() -> None:
     assert "and the focal spot by 5.1 mm (limit 5 mm)" in message
 
 
+def test_a_calibration_that_displaced_balls_leave_uncertain_asks_for_the_ring() -> None:
+    (as_filed,) = reasons_against(model((5.1, 1.0, 2.0)), ring_spread_mm=0.07)
+    (displaced,) = reasons_against(model((5.1, 1.0, 2.0)), ring_spread_mm=0.12)
+    assert "uncover the ring" in as_filed
+    assert "the ring's balls lie 0.12 mm (rms) from where its file has them; measure the ring" in displaced
+    assert "uncover" not in displaced
+    assert reasons_against(model((5.0, 1.0, 2.0)), ring_spread_mm=0.12) == []
+
+
 def test_a_smeared_image_is_refused_with_its_calibration() -> None:
-    found = calibration_reasons(upright(moved_image(4.6, 20.0)), *measured_and_expected(), model((5.1, 1.0, 2.0)))
+    found = calibration_reasons(upright(moved_image(4.6, 20.0)), *measured_and_expected(), model((5.1, 1.0, 2.0)), 0.0)
     assert [reason.code for reason in found] == [ReasonCode.MOTION_BLUR, ReasonCode.CALIBRATION_EXTRAPOLATED]

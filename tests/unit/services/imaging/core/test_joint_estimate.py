@@ -2,7 +2,14 @@ import numpy as np
 import pytest
 
 from services.imaging.core.calibration import similarity_near
-from services.imaging.core.distortion_field import Hyperparameters, correlation, distances_px, polynomial
+from services.imaging.core.distortion_field import (
+    Hyperparameters,
+    RestrictedLikelihood,
+    correlation,
+    distances_px,
+    most_likely_hyperparameters,
+    polynomial,
+)
 from services.imaging.core.joint_estimate import (
     JointEstimate,
     NominalSource,
@@ -53,6 +60,25 @@ def test_balls_that_disagree_are_left_out() -> None:
     estimate = estimate_of(Scene(), 4, 0.05, outliers=5)
     assert not estimate.used[:5].any()
     assert estimate.used[5:].mean() > 0.97
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_distortion_is_found_beside_balls_that_are_displaced(seed: int) -> None:
+    """A search that starts from the noise of a ring as filed may end where all is noise."""
+    displaced_px, predicted_px = 0.8, 0.02
+    scene, position = Scene(pincushion=0.06, bend_px=5.0), default_ring().balls.position_mm
+    measured = to_measured(scene, on_plane(position, np.array(scene.source_mm)))
+    measured = measured + np.random.default_rng(seed).normal(0.0, displaced_px, measured.shape)
+    gauge = similarity_near(on_plane(position, START_MM), measured, np.array([511.5, 511.5]), 256.0)
+    observations = Observations(measured, np.full(len(measured), predicted_px), position)
+    solution = estimate_jointly(observations, START_MM, NOMINAL, gauge).solution
+    found, likelihood = solution.prior, RestrictedLikelihood(solution.system, solution.prior.order)
+    length_px = 0.5 * solution.system.half_size_px
+    others = [
+        Hyperparameters(found.order, amplitude_px, length_px, displaced_px / predicted_px) for amplitude_px in (0.1, 2)
+    ]
+    best = max(likelihood.of(most_likely_hyperparameters(solution.system, start, 300)) for start in others)
+    assert likelihood.of(found) > best - 1.0
 
 
 def test_the_field_leads_from_measured_to_ideal_pixels_with_honest_deviation() -> None:

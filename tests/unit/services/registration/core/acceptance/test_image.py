@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.acceptance.criteria import NAIL_OUTSIDE
 from services.registration.core.acceptance.image import (
+    Departures,
     FitEvidence,
     HoleView,
     LocalisationEvidence,
@@ -65,7 +66,9 @@ def test_noise_that_the_model_does_not_explain_is_no_matter_of_dose() -> None:
 
 def test_uncertainty_by_processing_does_not_ask_for_dose() -> None:
     uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
-    (by_noise,), (by_processing,) = (localisation_reasons(replace(uncertain, error_ratio=r)) for r in (2.0, 2.1))
+    (by_noise,), (by_processing,) = (
+        localisation_reasons(replace(uncertain, departures=Departures(error_ratio=r))) for r in (2.0, 2.1)
+    )
     assert by_noise.code is by_processing.code is ReasonCode.UNCERTAINTY_TOO_LARGE
     assert "more dose" in by_noise.message
     assert "disagree by 2.1 times" in by_processing.message
@@ -75,17 +78,44 @@ def test_uncertainty_by_processing_does_not_ask_for_dose() -> None:
 
 def test_uncertainty_by_holes_beside_their_places_asks_for_the_nails_file() -> None:
     uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
-    (as_filed,), (beside,) = (localisation_reasons(replace(uncertain, hole_spread_mm=s)) for s in (0.03, 0.06))
+    (as_filed,), (beside,) = (
+        localisation_reasons(replace(uncertain, departures=Departures(hole_spread_mm=s))) for s in (0.03, 0.06)
+    )
     assert "more dose" in as_filed.message
     assert "lie 0.06 mm (rms) from where the nail's file has them" in beside.message
     assert "check that the file is that of the implanted nail" in beside.message
-    (processed,) = localisation_reasons(replace(uncertain, hole_spread_mm=0.06, error_ratio=5.0))
+    (processed,) = localisation_reasons(replace(uncertain, departures=Departures(hole_spread_mm=0.06, error_ratio=5.0)))
     assert "nail's file" not in processed.message
+
+
+@pytest.mark.parametrize(
+    ("as_filed", "beside", "names"),
+    [
+        (
+            Departures(guide_spread_mm=0.05),
+            Departures(guide_spread_mm=0.12),
+            ("the guide's balls lie 0.12 mm (rms)", "measure the guide (`distalock calibrate guide`)"),
+        ),
+        (
+            Departures(ring_spread_mm=0.07),
+            Departures(ring_spread_mm=0.15),
+            ("the ring's balls lie 0.15 mm (rms)", "measure the ring (`distalock calibrate ring`)"),
+        ),
+    ],
+)
+def test_uncertainty_by_balls_beside_their_places_asks_for_their_part(
+    as_filed: Departures, beside: Departures, names: tuple[str, str]
+) -> None:
+    uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
+    (by_noise,), (by_balls,) = (localisation_reasons(replace(uncertain, departures=d)) for d in (as_filed, beside))
+    assert "more dose" in by_noise.message
+    assert all(name in by_balls.message for name in names)
+    assert "dose" not in by_balls.message
 
 
 def test_uncertainty_by_lag_asks_for_stillness() -> None:
     uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
-    (lagging,) = localisation_reasons(replace(uncertain, lag_px=0.42))
+    (lagging,) = localisation_reasons(replace(uncertain, departures=Departures(lag_px=0.42)))
     assert "draw them 0.42 px to one side: earlier frames are in the image" in lagging.message
     assert "still for a second" in lagging.message
     assert "dose" not in lagging.message
@@ -310,3 +340,12 @@ def test_the_order_of_holes_is_that_along_the_guides_own(apart_mm: float, *, ref
     """Holes of the nail that lie on one another have no order; where the second one lies decides, not how far."""
     found = localisation_reasons(replace(LOCALISED, nail=nail_part(hole_x_mm=(apart_mm, 0.0))))
     assert [reason.code for reason in found] == [ReasonCode.NAIL_MODEL_MISMATCH] * refused
+
+
+def test_distortion_that_displaced_balls_leave_uncertain_asks_for_the_ring() -> None:
+    uncertain = DisplacementField(np.zeros(2), 256.0, np.zeros((5, 5, 2)), np.full((5, 5), 0.8))
+    displaced = Departures(ring_spread_mm=0.12)
+    found = localisation_reasons(replace(LOCALISED, calibration=calibration(1024, uncertain), departures=displaced))
+    assert "the ring's balls lie 0.12 mm (rms) from where its file has them" in found[0].message
+    assert "`distalock calibrate ring`" in found[0].message
+    assert "centre" not in found[0].message
