@@ -161,7 +161,7 @@ def estimate_jointly(
     system = _linearised(observations, start_mm, nominal, gauge)
     # A first estimate only predicts where to measure: half a search is enough for it.
     evaluations = DISTORTION_MODEL.first_evaluations if start is None else DISTORTION_MODEL.evaluations
-    found = _hyperparameters(system, gauge, start or _first_hyperparameters(system, gauge), evaluations)
+    found = _hyperparameters(system, start or _first_hyperparameters(system, gauge), evaluations)
     source = start_mm
     while True:
         chosen = observations.select(used)
@@ -171,10 +171,10 @@ def estimate_jointly(
             return JointEstimate(source, gauge, used, solution)
         used[np.flatnonzero(used)[bad]] = False
         system = _linearised(observations.select(used), source, nominal, gauge)
-        found = _hyperparameters(system, gauge, found, DISTORTION_MODEL.next_evaluations)
+        found = _hyperparameters(system, found, DISTORTION_MODEL.next_evaluations)
 
 
-def _hyperparameters(system: LinearSystem, gauge: Gauge, start: Hyperparameters, evaluations: int) -> Hyperparameters:
+def _hyperparameters(system: LinearSystem, start: Hyperparameters, evaluations: int) -> Hyperparameters:
     """The most likely ones, searched once more where the balls lie beside their file's places.
 
     From the noise of a ring as filed a short search ends where all is noise, and the image would be taken for one
@@ -186,7 +186,7 @@ def _hyperparameters(system: LinearSystem, gauge: Gauge, start: Hyperparameters,
         return found
     other = replace(
         found,
-        amplitude_px=pixels(s.displaced_amplitude_detector_mm, gauge.pixel_mm),
+        amplitude_px=s.displaced_amplitude * found.noise_factor * float(np.median(system.deviation_px)),
         length_px=s.displaced_length * system.half_size_px,
     )
     again = most_likely_hyperparameters(system, other, s.displaced_evaluations)

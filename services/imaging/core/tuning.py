@@ -163,8 +163,8 @@ class DistortionModel:
     displaced_noise_factor: float = tuned(
         5.0, "1", "noise factor from which the balls are taken to lie beside their file's places", _RING_BALLS
     )
-    displaced_amplitude_detector_mm: float = tuned(
-        0.235, "mm", "amplitude from which the search then starts once more", _RING_BALLS
+    displaced_amplitude: float = tuned(
+        2.0, "noise", "amplitude from which the search then starts once more", _RING_BALLS
     )
     displaced_length: float = tuned(0.5, "half sizes", "correlation length from which it then starts", _RING_BALLS)
     displaced_evaluations: int = tuned(60, "1", "likelihoods of that search", _RING_BALLS)

@@ -16,6 +16,7 @@ from services.registration.core.nail.noise import NoiseModel, covariance_of_sums
 from services.registration.core.nail.parameters import (
     CURVATURE,
     SHAPE_PARAMETERS,
+    Parameter,
     prior_mean,
     prior_precision,
 )
@@ -63,6 +64,23 @@ def errors_of_straight(
     per_deviation = np.sqrt(prior_precision()[list(SHAPE_PARAMETERS[:of_shape])])
     by_curvature = np.vstack([motion @ followed[:POSE_SIZE], per_deviation[:, None] * followed[rows]])
     return errors.with_held_curvature(curvature_sd_per_m, by_curvature)
+
+
+def with_chamfers_as_seen(errors: PoseErrors) -> PoseErrors:
+    """Errors with the prior of the chamfers' depth as wide as the image shows that it has to be.
+
+    A fit keeps only a share of how much deeper than usual they are. What it keeps, over the root of that share, is a
+    standard normal variable where the prior holds; by what its square is too large the prior's variance is too small.
+    """
+    column = SHAPE_PARAMETERS.index(Parameter.CHAMFER_DEVIATIONS)
+    deeper = float(errors.shape_deviations[column])
+    if deeper <= 0.0:  # from no chamfer on nothing changes with the depth, and no share is kept
+        return errors
+    kept = 1.0 - float(errors.shape_pull[POSE_SIZE + column, column])
+    surprise = deeper**2 / kept
+    missing_variance = max(surprise - NAIL_PRIORS.usual_surprise, 0.0) / kept
+    by_depth = errors.shape_pull[:POSE_SIZE, column]
+    return errors.with_more(missing_variance * np.outer(by_depth, by_depth))
 
 
 def curvature_covariance(problem: Problem, solution: Solution, noise: NoiseModel) -> NDArray[np.float64]:

@@ -10,7 +10,12 @@ from services.registration.core.acceptance.image import FitEvidence, fit_reasons
 from services.registration.core.estimation.pose_estimate import PoseErrors
 from services.registration.core.nail.bent_nail import bent_optimum
 from services.registration.core.nail.between_holes import spread_of_holes_mm
-from services.registration.core.nail.covariance import curvature_covariance, errors_of_straight, pose_errors
+from services.registration.core.nail.covariance import (
+    curvature_covariance,
+    errors_of_straight,
+    pose_errors,
+    with_chamfers_as_seen,
+)
 from services.registration.core.nail.evidence import agreement_of_parts, hole_views, residual_statistics, rim_shares
 from services.registration.core.nail.forward_model import ForwardModel, model_at
 from services.registration.core.nail.least_squares import (
@@ -193,7 +198,7 @@ def _with_evidence(end: FitEnd, errors: PoseErrors, *, objects_left_out: bool) -
     )
     fit = NailFit(
         camera_from_nail,
-        parts.widened(errors, camera_from_nail, model.nail),
+        parts.widened(with_chamfers_as_seen(errors), camera_from_nail, model.nail),
         evidence,
         curvature_of(parameters),
         spread_of_holes_mm(problem, solution, noise),

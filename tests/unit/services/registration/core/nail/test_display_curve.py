@@ -18,6 +18,8 @@ from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.region import FitInput
 from services.registration.core.tuning import DISPLAY_CURVE
 from shared.errors import Accepted, Rejected
+from shared.geometry.frames import Nail
+from shared.geometry.transform import Transform
 from tests.unit.services.registration.rendered_case import CAMERA_FROM_NAIL, SIZE_PX, rendered_parts, turned_nail
 from tests.unit.services.registration.xray_scene import Scene, calibration, render
 
@@ -87,13 +89,10 @@ def test_a_curve_is_undone_only_where_parts_agree_better_without_it(
     monkeypatch: pytest.MonkeyPatch, disagreements: tuple[float, ...], kept: float, fits: int
 ) -> None:
     first = first_fit(with_local_contrast)
-    as_shown, *later = (
-        replace(first, fit=replace(first.fit, evidence=replace(first.fit.evidence, error_ratio=ratio)))
-        for ratio in disagreements
-    )
+    as_shown, *later = (with_disagreement(first, ratio) for ratio in disagreements)
     repeated = Mock(side_effect=later)
     monkeypatch.setattr(fit, "fit_image", repeated)
-    found = fit._without_display_curve(fit_input(with_local_contrast()), as_shown)
+    found = fit._without_display_curve(fit_input(with_local_contrast()), as_shown).chosen
     assert not isinstance(found, Rejected)
     assert found.fit.evidence.error_ratio == kept
     assert repeated.call_count == fits
@@ -110,9 +109,47 @@ def test_a_curve_that_is_left_turns_the_nail_by_as_much_as_it_changes_with_the_p
     shown = fit_input(with_local_contrast())
     first = first_fit(with_local_contrast)
     curve = display_curve_of(first.end.solution.linear, shown.pixels)
-    grown = fit._grown_by_curve(shown, first, first).errors.covariance - first.fit.errors.covariance
+    grown = fit._grown(shown, first, fit._Fits(first, first)).errors.covariance - first.fit.errors.covariance
     assert np.sqrt(np.diag(grown)[:2]) == pytest.approx(np.radians(DISPLAY_CURVE.turn_deg * curve.change), rel=1e-6)
     assert 0.01 < curve.change < DISPLAY_CURVE.largest_change
+
+
+def test_another_fit_that_is_as_good_makes_the_nail_uncertain_by_where_it_lies() -> None:
+    shown, first = fit_input(with_local_contrast()), first_fit(with_local_contrast)
+    near, far = (turned_fit(first, turn_rad) for turn_rad in (0.004, -0.01))
+    alone = fit._grown(shown, first, fit._Fits(first, first)).errors.covariance
+    grown = fit._grown(shown, first, fit._Fits(first, first, (near, far))).errors.covariance - alone
+    assert np.sqrt(grown[0, 0]) == pytest.approx(0.01)
+    assert np.allclose(grown[1:, 1:], 0.0, atol=1e-12)
+
+
+def turned_fit(first: ImageFit, turn_rad: float) -> ImageFit:
+    turn: Transform[Nail, Nail] = Transform.exp(np.array([turn_rad, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    turned = first.fit.camera_from_nail @ turn
+    return replace(first, fit=replace(first.fit, camera_from_nail=turned))
+
+
+@pytest.mark.parametrize(
+    ("disagreements", "as_good"),
+    [
+        ((5.2, 4.5, 2.9, 3.1), [3.1]),
+        ((6.0, 4.0, 2.9, 2.1), []),
+        ((3.4, 2.8, 2.6, 2.5), [2.8, 2.5]),
+        ((1.4,), []),
+    ],
+)
+def test_fits_that_leave_about_as_little_disagreement_are_kept_beside_the_best(
+    monkeypatch: pytest.MonkeyPatch, disagreements: tuple[float, ...], as_good: list[float]
+) -> None:
+    first = first_fit(with_local_contrast)
+    as_shown, *later = (with_disagreement(first, ratio) for ratio in disagreements)
+    monkeypatch.setattr(fit, "fit_image", Mock(side_effect=later))
+    fits = fit._without_display_curve(fit_input(with_local_contrast()), as_shown)
+    assert [one.fit.evidence.error_ratio for one in fits.others] == as_good
+
+
+def with_disagreement(first: ImageFit, ratio: float) -> ImageFit:
+    return replace(first, fit=replace(first.fit, evidence=replace(first.fit.evidence, error_ratio=ratio)))
 
 
 def test_how_much_a_curve_changes_is_a_share_of_its_levels_range() -> None:
