@@ -1,5 +1,7 @@
 """Several images of one set-up: what they show together, and contradictions told for what they are."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
@@ -184,6 +186,16 @@ def test_images_too_uncertain_together_stay_refused() -> None:
     fused = fuse_localisations((localised("a", 0.0, 30.0), localised("b", 0.0, 30.0)), PARTS)
     assert fused is not None
     assert {reason.code for reason in fused.result.reasons} == {ReasonCode.UNCERTAINTY_TOO_LARGE}
+
+
+def test_images_too_uncertain_by_displaced_balls_ask_for_the_guide() -> None:
+    first, second = (localised(name, 0.0, 30.0) for name in ("a", "b"))
+    assert second.result.guide is not None
+    displaced = replace(second.result, guide=replace(second.result.guide, displacement_sd_mm=0.15))
+    fused = fuse_localisations((first, replace(second, result=displaced)), PARTS)
+    assert fused is not None
+    for reason in fused.result.reasons:
+        assert "the guide's balls lie 0.15 mm (rms) from where its file has them; measure the guide" in reason.message
 
 
 @pytest.mark.requirement("REG-07")
