@@ -194,6 +194,7 @@ def test_images_too_uncertain_by_displaced_balls_ask_for_the_guide() -> None:
     displaced = replace(second.result, guide=replace(second.result.guide, displacement_sd_mm=0.15))
     fused = fuse_localisations((first, replace(second, result=displaced)), PARTS)
     assert fused is not None
+    assert len(fused.result.reasons) == len(PARTS.nail.holes)
     for reason in fused.result.reasons:
         assert "the guide's balls lie 0.15 mm (rms) from where its file has them; measure the guide" in reason.message
 
