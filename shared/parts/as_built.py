@@ -29,4 +29,4 @@ def because_of_the_guide(spread_mm: float) -> str:
 def _because(part: str, spread_mm: float, named_from_mm: float) -> str:
     if spread_mm <= named_from_mm:
         return ""
-    return f"; the {part}'s balls lie {spread_mm:.2f} mm (rms) from where its file has them"
+    return f"; the {part}'s balls lie {spread_mm:.2f} mm (rms per axis) from where its file has them"

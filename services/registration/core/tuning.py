@@ -36,7 +36,8 @@ _CURVE_LEFT: Final = fitted(
     "`distalock bench processing --kind local_contrast --kind monitor_chain --seeds fit --skip 100 --count 12` "
     "(decision 0045)"
 )
-_CHAMFERS: Final = fitted("`distalock bench bent_nails --kind chamfers --seeds fit` (decision 0062)")
+_CHAMFERS: Final = fitted("by inspection: `distalock bench bent_nails --kind chamfers --seeds fit` (decision 0062)")
+_AS_GOOD: Final = fitted("by inspection: one judged image, and 25 that fit (decision 0045)")
 _TOLERANCE: Final = physical("manufacturing tolerance, assumed")
 _ABANDONED: Final = fitted("65 abandoned fits, 30 scenes, `python -m benchmarks.accuracy.capture`: up to 4 occurred")
 _KEPT: Final = fitted("7 seeded scenes: the fit ends 0.03 standard deviations away at most (docs/nail-likelihood.md)")
@@ -216,7 +217,9 @@ class NailPriors:
     largest_radius_excess_mm: float = tuned(0.6, "mm", "bound of both", derived("exposes another nail size"))
     usual_chamfer_mm: float = tuned(0.15, "mm", "chamfer depth if the file has none", physical("rims are deburred"))
     usual_chamfer_sd_mm: float = tuned(0.15, "mm", "of that depth", physical("deburred to countersunk"))
-    usual_surprise: float = tuned(3.0, "1", "square of a normal variable up to which that prior holds", _CHAMFERS)
+    usual_chamfer_chi_square: float = tuned(
+        3.0, "1", "chi-square of a deeper chamfer up to which that prior holds", _CHAMFERS
+    )
     stated_chamfer_sd_mm: float = tuned(0.05, "mm", "of a stated depth", _TOLERANCE)
     log_attenuation_sd: float = tuned(0.5, "1", "of the logarithm of the attenuation", _INSPECTION)
     hardening: float = tuned(0.65, "1", "relative variance of attenuation", physical("spectra, 64-76 kV (unit test)"))
@@ -314,7 +317,7 @@ class DisplayCurveFit:
     remaining_share: float = tuned(0.8, "1", "largest share of it that is left where the curve is kept", _CURVED)
     largest_error_ratio: float = tuned(3.0, "times", "disagreement that may be left where the curve is kept", _CURVED)
     as_good: float = tuned(
-        1.25, "times", "disagreement, over that of the fit that is kept, of another that may be right", _CURVED
+        1.25, "times", "disagreement, over that of the fit that is kept, of another that may be right", _AS_GOOD
     )
     most_rounds: int = tuned(3, "1", "fits, each without the curve that the one before it shows", _CURVED)
     levels: int = tuned(10, "1", "grey values between which the correction is linear", _CURVED)

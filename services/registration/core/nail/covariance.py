@@ -77,8 +77,8 @@ def with_chamfers_as_seen(errors: PoseErrors) -> PoseErrors:
     if deeper <= 0.0:  # from no chamfer on nothing changes with the depth, and no share is kept
         return errors
     kept = 1.0 - float(errors.shape_pull[POSE_SIZE + column, column])
-    surprise = deeper**2 / kept
-    missing_variance = max(surprise - NAIL_PRIORS.usual_surprise, 0.0) / kept
+    chi_square = deeper**2 / kept
+    missing_variance = max(chi_square - NAIL_PRIORS.usual_chamfer_chi_square, 0.0) / kept
     by_depth = errors.shape_pull[:POSE_SIZE, column]
     return errors.with_more(missing_variance * np.outer(by_depth, by_depth))
 

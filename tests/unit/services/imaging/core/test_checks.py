@@ -162,7 +162,7 @@ def test_a_calibration_that_displaced_balls_leave_uncertain_asks_for_the_ring() 
     (as_filed,) = reasons_against(model((5.1, 1.0, 2.0)), ring_spread_mm=0.07)
     (displaced,) = reasons_against(model((5.1, 1.0, 2.0)), ring_spread_mm=0.12)
     assert "uncover the ring" in as_filed
-    assert "the ring's balls lie 0.12 mm (rms) from where its file has them; measure the ring" in displaced
+    assert "the ring's balls lie 0.12 mm (rms per axis) from where its file has them; measure the ring" in displaced
     assert "uncover" not in displaced
     assert reasons_against(model((5.0, 1.0, 2.0)), ring_spread_mm=0.12) == []
 

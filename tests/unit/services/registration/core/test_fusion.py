@@ -196,7 +196,10 @@ def test_images_too_uncertain_by_displaced_balls_ask_for_the_guide() -> None:
     assert fused is not None
     assert len(fused.result.reasons) == len(PARTS.nail.holes)
     for reason in fused.result.reasons:
-        assert "the guide's balls lie 0.15 mm (rms) from where its file has them; measure the guide" in reason.message
+        assert (
+            "the guide's balls lie 0.15 mm (rms per axis) from where its file has them; measure the guide"
+            in reason.message
+        )
 
 
 @pytest.mark.requirement("REG-07")

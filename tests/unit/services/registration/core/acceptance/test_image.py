@@ -94,12 +94,12 @@ def test_uncertainty_by_holes_beside_their_places_asks_for_the_nails_file() -> N
         (
             Departures(guide_spread_mm=0.05),
             Departures(guide_spread_mm=0.12),
-            ("the guide's balls lie 0.12 mm (rms)", "measure the guide (`distalock calibrate guide`)"),
+            ("the guide's balls lie 0.12 mm (rms per axis)", "measure the guide (`distalock calibrate guide`)"),
         ),
         (
             Departures(ring_spread_mm=0.07),
             Departures(ring_spread_mm=0.15),
-            ("the ring's balls lie 0.15 mm (rms)", "measure the ring (`distalock calibrate ring`)"),
+            ("the ring's balls lie 0.15 mm (rms per axis)", "measure the ring (`distalock calibrate ring`)"),
         ),
     ],
 )
@@ -346,6 +346,6 @@ def test_distortion_that_displaced_balls_leave_uncertain_asks_for_the_ring() -> 
     uncertain = DisplacementField(np.zeros(2), 256.0, np.zeros((5, 5, 2)), np.full((5, 5), 0.8))
     displaced = Departures(ring_spread_mm=0.12)
     found = localisation_reasons(replace(LOCALISED, calibration=calibration(1024, uncertain), departures=displaced))
-    assert "the ring's balls lie 0.12 mm (rms) from where its file has them" in found[0].message
+    assert "the ring's balls lie 0.12 mm (rms per axis) from where its file has them" in found[0].message
     assert "`distalock calibrate ring`" in found[0].message
     assert "centre" not in found[0].message

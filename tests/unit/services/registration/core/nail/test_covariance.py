@@ -29,7 +29,7 @@ def test_chamfers_far_beyond_their_prior_turn_the_nail_by_what_the_fit_does_not_
     kept = 1.0 - LOST
     grown = with_chamfers_as_seen(errors(kept * true_deviation)).covariance
     noise_of_depth = LOST / kept  # of an unshrunk estimate, in variances of the prior
-    expected = true_deviation**2 + 1.0 - NAIL_PRIORS.usual_surprise * (1.0 + noise_of_depth)
+    expected = true_deviation**2 + 1.0 - NAIL_PRIORS.usual_chamfer_chi_square * (1.0 + noise_of_depth)
     assert grown[0, 0] == pytest.approx(1e-8 + TURN_RAD**2 * expected, rel=1e-9)
     assert np.sqrt(grown[0, 0]) / TURN_RAD == pytest.approx(true_deviation, rel=0.15)
     assert np.allclose(grown[1:, 1:], errors(0.0).covariance[1:, 1:])
