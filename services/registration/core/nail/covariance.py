@@ -22,6 +22,9 @@ from services.registration.core.nail.parameters import (
 )
 from services.registration.core.tuning import MODEL_ERRORS, NAIL_PRIORS
 
+# Of a depth that no pixel shows a fit keeps what rounding leaves; where a rim shows at all it kept 1e-4 and more.
+_LEAST_KEPT = 1e-6
+
 
 def pose_covariance(problem: Problem, solution: Solution, noise: NoiseModel) -> NDArray[np.float64]:
     """Covariance of a small motion of the nail in its own frame, shape (6, 6): rotation vector (rad), translation (mm).
@@ -74,9 +77,9 @@ def with_chamfers_as_seen(errors: PoseErrors) -> PoseErrors:
     """
     column = SHAPE_PARAMETERS.index(Parameter.CHAMFER_DEVIATIONS)
     deeper = float(errors.shape_deviations[column])
-    if deeper <= 0.0:  # from no chamfer on nothing changes with the depth, and no share is kept
-        return errors
     kept = 1.0 - float(errors.shape_pull[POSE_SIZE + column, column])
+    if deeper <= 0.0 or kept <= _LEAST_KEPT:  # no chamfer, or no rim in sight: nothing changes with the depth
+        return errors
     chi_square = deeper**2 / kept
     missing_variance = max(chi_square - NAIL_PRIORS.usual_chamfer_chi_square, 0.0) / kept
     by_depth = errors.shape_pull[:POSE_SIZE, column]

@@ -11,9 +11,9 @@ from services.registration.core.tuning import NAIL_PRIORS
 TURN_RAD, LOST = 0.002, 0.4
 
 
-def errors(deviation: float) -> PoseErrors:
+def errors(deviation: float, *, lost: float = LOST) -> PoseErrors:
     pull = np.zeros((9, 3))
-    pull[0, 2], pull[8, 2] = TURN_RAD, LOST
+    pull[0, 2], pull[8, 2] = TURN_RAD, lost
     return PoseErrors(np.array([3.0, 3.0, deviation]), 1e-8 * np.eye(9), pull, np.zeros((9, 1)))
 
 
@@ -33,3 +33,10 @@ def test_chamfers_far_beyond_their_prior_turn_the_nail_by_what_the_fit_does_not_
     assert grown[0, 0] == pytest.approx(1e-8 + TURN_RAD**2 * expected, rel=1e-9)
     assert np.sqrt(grown[0, 0]) / TURN_RAD == pytest.approx(true_deviation, rel=0.15)
     assert np.allclose(grown[1:, 1:], errors(0.0).covariance[1:, 1:])
+
+
+@pytest.mark.parametrize("lost", [1.0, 1.0 + 1e-15, 1.0 - 1e-15])
+def test_where_no_rim_is_seen_the_chamfers_depth_changes_nothing(lost: float) -> None:
+    """A fit that is stopped before it converges keeps a depth that the image shows nothing of (seed 65808, processed)."""
+    grown = with_chamfers_as_seen(errors(0.3, lost=lost))
+    assert np.array_equal(grown.covariance, errors(0.3).covariance)
