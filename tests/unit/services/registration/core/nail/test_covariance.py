@@ -37,6 +37,6 @@ def test_chamfers_far_beyond_their_prior_turn_the_nail_by_what_the_fit_does_not_
 
 @pytest.mark.parametrize("lost", [1.0, 1.0 + 1e-15, 1.0 - 1e-15])
 def test_where_no_rim_is_seen_the_chamfers_depth_changes_nothing(lost: float) -> None:
-    """A fit that is stopped before it converges keeps a depth that the image shows nothing of (seed 65808, processed)."""
+    """A fit that is stopped before it converges may keep a depth that the image shows nothing of."""
     grown = with_chamfers_as_seen(errors(0.3, lost=lost))
     assert np.array_equal(grown.covariance, errors(0.3).covariance)
