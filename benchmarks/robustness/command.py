@@ -37,7 +37,7 @@ class RobustnessBench:
 
 
 def run_bench(bench: RobustnessBench, arguments: Sequence[str]) -> int:
-    """Localise the scenes of the chosen kinds, print and write the table; 0 when nothing accepted is wrong."""
+    """Localise scenes of the chosen kinds, print and write the table; 0 when nothing is accepted wrong or crashes."""
     given = _parser(bench).parse_args(list(arguments))
     kinds = chosen_kinds(bench, given.kind or bench.names, given.seeds)
     first = SEEDS[given.seeds] + given.skip
@@ -50,7 +50,7 @@ def run_bench(bench: RobustnessBench, arguments: Sequence[str]) -> int:
     if report is not None:
         write_sheet(report.with_name(f"robustness-{bench.name}.png"), kinds, first, given.images)
         report.write_text(with_section(report, bench.name, section))
-    return int(any(row.wrong for row in rows))
+    return int(any(row.wrong or row.crashed for row in rows))
 
 
 def chosen_kinds(bench: RobustnessBench, names: Sequence[str], seeds: str) -> tuple[Kind, ...]:

@@ -17,6 +17,7 @@ LARGEST_NORMALISED = 4.0
 LARGEST_COVERED = 0.5
 # A part that differs from its file by more is to be refused, not localised.
 LARGEST_BESIDE_FILE_MM = 0.2
+_CRASHED = "crashed: "
 # A result within these is good enough to drill by.
 GOOD_ENTRY_MM, GOOD_AXIS_DEG = 0.2, 0.6
 
@@ -85,6 +86,11 @@ class Row:
         return self.accepted and (self.holes is None or any(hole.wrong for hole in self.holes))
 
     @property
+    def crashed(self) -> bool:
+        """Whether the localisation raised an exception."""
+        return any(code.startswith(_CRASHED) for code in self.codes)
+
+    @property
     def good(self) -> bool:
         """Accepted, with all axes good enough to drill by."""
         return self.accepted and self.holes is not None and all(hole.good for hole in self.holes)
@@ -117,7 +123,7 @@ def localised(scene: RobustScene) -> tuple[tuple[str, ...], tuple[HoleScore, ...
     try:
         outcome = run_model(scene.pixels.astype(np.float32), scene.nominal, scene.parts, scene.holes).outcome
     except Exception as error:  # noqa: BLE001 - a crash on one scene is counted, and the others go on
-        return (f"crashed: {type(error).__name__}: {error}",), None
+        return (f"{_CRASHED}{type(error).__name__}: {error}",), None
     if outcome.holes is None:
         return outcome.codes, None
     found = zip(scene.holes, outcome.holes, strict=True)

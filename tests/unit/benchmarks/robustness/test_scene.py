@@ -1,15 +1,18 @@
 """Rendered images on file, and rows made from them."""
 
+import json
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from benchmarks.robustness.all_kinds import KINDS
+from benchmarks.robustness.command import RobustnessBench, run_bench
 from benchmarks.robustness.kinds import CONTROL, Kind, rendered_kind
 from benchmarks.robustness.processing import processed_scene
-from benchmarks.robustness.rows import key_of, kind_row
+from benchmarks.robustness.rows import Row, key_of, kind_row
 from benchmarks.robustness.scene import ImageFolder, RobustScene
 from benchmarks.robustness.tone import black_cut_off, half_size, jpeg
 from services.imaging.core.nominal import NominalGeometry
@@ -70,10 +73,26 @@ def broken(seed: int, images: ImageFolder) -> RobustScene:
     return RobustScene(scene.kind, seed, {}, scene.pixels[:, :0], scene.nominal, scene.holes, scene.middle_px)
 
 
+BROKEN = Kind("broken", "Its image is empty.", partial(broken))
+
+
 def test_a_crash_is_a_code_of_its_own() -> None:
-    row = kind_row((Kind("broken", "", partial(broken)),), {}, None, key_of("broken", SEED))
+    row = kind_row((BROKEN,), {}, None, key_of("broken", SEED))
     assert row.codes[0].startswith("crashed: ")
+    assert row.crashed
     assert not row.accepted
+
+
+@pytest.mark.parametrize(("codes", "status"), [(("crashed: ValueError: of nothing",), 1), (("ring_not_found",), 0)])
+def test_a_crash_fails_the_bench(tmp_path: Path, codes: tuple[str, ...], status: int) -> None:
+    """Of rows on file, too: a run that goes on from them shows what failed before."""
+    file = tmp_path / "rows.jsonl"
+    with file.open("w") as stream:
+        for kind in (CONTROL, "broken"):
+            row = TypeAdapter(Row).dump_python(Row(kind, 65_000, {}, (), codes, None, 1.0))
+            stream.write(json.dumps({"key": key_of(kind, 65_000), "revision": "", "row": row}) + "\n")
+    arguments = ["--kind", "broken", "--count", "1", "--rows", str(file)]
+    assert run_bench(RobustnessBench("broken", "nothing but crashes", (BROKEN,)), arguments) == status
 
 
 def test_every_kind_says_what_it_does() -> None:
