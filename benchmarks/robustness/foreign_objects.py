@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from benchmarks.robustness.around import Around
 from benchmarks.robustness.command import RobustnessBench, run_bench
 from benchmarks.robustness.held_out import clamp, drill_over_rim, lead_letter
+from benchmarks.robustness.held_out_metal import blocking_screw, cerclage_wires, fixator_pins, pellets, skin_staples
 from benchmarks.robustness.kinds import Kind, first_line, held_out, rendered_kind
 from benchmarks.robustness.objects import (
     Objects,
@@ -217,7 +218,16 @@ DRAWS: tuple[Draw, ...] = (
     gauze_threads,
     other_leg,
 )
-_HELD_OUT: tuple[Draw, ...] = (drill_over_rim, clamp, lead_letter)
+_HELD_OUT: tuple[Draw, ...] = (
+    drill_over_rim,
+    clamp,
+    lead_letter,
+    pellets,
+    skin_staples,
+    fixator_pins,
+    blocking_screw,
+    cerclage_wires,
+)
 
 
 def _kind(draw: Draw) -> Kind:

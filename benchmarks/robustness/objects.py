@@ -13,6 +13,7 @@ from simulation.render.shapes import box, frustum
 from simulation.render.tracer import PackedScene
 
 Floats = NDArray[np.float64]
+_SLICES_OF_BALL = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,6 +75,19 @@ def rod(from_mm: Floats, to_mm: Floats, diameter_mm: float) -> Floats:
     """Row of a round rod between two points."""
     length = float(np.linalg.norm(to_mm - from_mm))
     return np.concatenate([from_mm, (to_mm - from_mm) / length, [0.5 * diameter_mm, 0.0, 0.0, length]])
+
+
+def ball(centre_mm: Floats, diameter_mm: float) -> tuple[Floats, ...]:
+    """Rows of a ball, as conical slices whose walls are within 2 % of its radius."""
+    latitude = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _SLICES_OF_BALL + 1)
+    heights, radii = 0.5 * diameter_mm * np.sin(latitude), 0.5 * diameter_mm * np.cos(latitude)
+    axis = np.array([0.0, 0.0, 1.0])
+    rows = []
+    for k in range(_SLICES_OF_BALL):
+        slope = (radii[k + 1] - radii[k]) / (heights[k + 1] - heights[k])
+        at_centre = radii[k] - slope * heights[k]
+        rows.append(np.concatenate([centre_mm, axis, [at_centre, slope, heights[k], heights[k + 1]]]))
+    return tuple(rows)
 
 
 def wire_along(points_mm: Floats, diameter_mm: float) -> tuple[Floats, ...]:

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from benchmarks.robustness.around import Around
 from benchmarks.robustness.foreign_objects import retractor, screw_half_in, wire_across_rim
 from benchmarks.robustness.held_out import clamp, drill_over_rim, lead_letter
-from benchmarks.robustness.objects import Objects
+from benchmarks.robustness.held_out_metal import blocking_screw, cerclage_wires, fixator_pins, pellets, skin_staples
+from benchmarks.robustness.objects import Objects, ball
 from shared.geometry.lines import unit
 from simulation.render.attenuation import Material
 from simulation.render.scene import balls_in_view, pack_scene
@@ -93,3 +94,53 @@ def test_nothing_added_changes_nothing() -> None:
     one = around()
     points = rim(one, 3.0, 36)
     assert np.array_equal(steel_mm(Objects(), points), np.zeros(len(points)))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.6, 0.9])
+def test_a_ball_of_slices_is_as_thick_as_a_ball(share: float) -> None:
+    one, diameter_mm = around(), 4.0
+    objects = Objects(rods=ball(one.middle_mm, diameter_mm))
+    thickness = steel_mm(objects, rim(one, 0.5 * diameter_mm * share, count=36) if share else one.middle_mm[None])
+    assert thickness == pytest.approx(diameter_mm * np.sqrt(1.0 - share**2), abs=0.05 * diameter_mm)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_fixator_pins_pass_the_hole_and_leave_it_free(seed: int) -> None:
+    one = around()
+    objects, drawn = fixator_pins(one, np.random.default_rng(seed))
+    offset, diameter = float(drawn["offset_mm"]), float(drawn["diameter_mm"])
+    assert np.any(steel_mm(objects, rim(one, offset + 0.5 * diameter)) > 0.0)
+    assert np.all(steel_mm(objects, rim(one, one.rim_mm)) == 0.0)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_blocking_screw_touches_the_nail_at_most(seed: int) -> None:
+    one = around()
+    objects, drawn = blocking_screw(one, np.random.default_rng(seed))
+    at_nail = one.middle_mm + float(drawn["along_mm"]) * one.along_nail
+    outwards = float(drawn["side"]) * unit(np.cross(one.ray, one.along_nail))
+    beside = at_nail + (one.nail_mm + float(drawn["gap_mm"]) + 0.5 * float(drawn["diameter_mm"])) * outwards
+    assert steel_mm(objects, beside[None])[0] > 10.0
+    assert steel_mm(objects, at_nail[None])[0] == 0.0
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_wires_loop_about_the_bone_and_cross_the_nail(seed: int) -> None:
+    one = around()
+    objects, drawn = cerclage_wires(one, np.random.default_rng(seed))
+    along = np.linspace(-15.0, 45.0, 1201)[:, None] * one.along_nail
+    steel = np.maximum(steel_mm(objects, one.middle_mm + along), steel_mm(objects, one.middle_mm - along))
+    assert 0.0 < steel.max() <= 2.0 * float(drawn["diameter_mm"]) / np.cos(0.6)
+    middles = np.array([row[:3] for row in objects.rods])[::9] - one.middle_mm
+    assert np.abs(middles @ one.along_nail).min() <= 8.0 + 22.0 * np.tan(0.3)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_pellets_and_staples_are_as_many_as_drawn(seed: int) -> None:
+    one = around()
+    objects, drawn = pellets(one, np.random.default_rng(seed))
+    assert len(objects.rods) == 8 * int(drawn["count"])
+    objects, drawn = skin_staples(one, np.random.default_rng(seed))
+    assert len(objects.rods) == 3 * int(drawn["count"])
+    tops = np.array([row[:3] for row in objects.rods])
+    assert np.all((tops - one.middle_mm) @ one.ray < -30.0)  # on the skin towards the tube
