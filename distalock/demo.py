@@ -16,7 +16,7 @@ from rich.table import Table
 
 from distalock.arguments import EXIT_BAD_INPUT
 from distalock.case_client import CaseClient
-from distalock.client import Client
+from distalock.client import Client, RequestRefused
 from distalock.installation import Installation, Ports
 from distalock.outputs import write_whole
 from distalock.procedure import Ending, Outcome, Procedure, Tell
@@ -60,6 +60,9 @@ def run_demo(request: DemoRequest, console: Console) -> int:
     except (ConfigurationError, InputError, TimeoutError) as error:
         print(f"distalock demo: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
+    except RequestRefused as error:
+        print(f"distalock demo: refused: {error}", file=sys.stderr)
+        return EXIT_CODES[Ending.REFUSED]
     console.print(outcome_table(outcome))
     console.print(conclusion(outcome), highlight=False)
     return EXIT_CODES[outcome.ending]
@@ -83,6 +86,9 @@ def show_console(scenario_arguments: tuple[str, ...], console: Console) -> int:
     except (ConfigurationError, InputError, TimeoutError) as error:
         print(f"distalock demo: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
+    except RequestRefused as error:
+        print(f"distalock demo: refused: {error}", file=sys.stderr)
+        return EXIT_CODES[Ending.REFUSED]
     if ended is not None:
         print(f"distalock demo: {ended} ended by itself", file=sys.stderr)
     return int(ended is not None)

@@ -17,8 +17,28 @@ from shared.figures import figure
 MOST_SHOTS_FOR_ONE_ANSWER: Final = 4
 MOST_MOVES_PER_ALIGNMENT: Final = 3
 WORTH_CORRECTING_MM: Final = 0.25
-# Refusals that another direction of the beam can heal; the others need hands on the guide or the patient.
-_TURNABLE: Final = frozenset(ReasonCode) - {ReasonCode.IMAGE_UNUSABLE, ReasonCode.SATURATED, ReasonCode.MOTION_BLUR}
+# Refusals that another direction of the beam can heal; after any other the procedure ends as refused.
+_TURNABLE: Final = frozenset(
+    {
+        ReasonCode.RING_NOT_FOUND,
+        ReasonCode.RING_AMBIGUOUS,
+        ReasonCode.RING_TOO_FEW_BALLS,
+        ReasonCode.CALIBRATION_EXTRAPOLATED,
+        ReasonCode.GUIDE_NOT_FOUND,
+        ReasonCode.GUIDE_AMBIGUOUS,
+        ReasonCode.GUIDE_TOO_FEW_BALLS,
+        ReasonCode.GUIDE_MODEL_MISMATCH,
+        ReasonCode.NAIL_NOT_FOUND,
+        ReasonCode.HOLE_NOT_VISIBLE,
+        ReasonCode.NAIL_MODEL_MISMATCH,
+        ReasonCode.MIRROR_AMBIGUOUS,
+        ReasonCode.UNCERTAINTY_TOO_LARGE,
+        ReasonCode.TILT_TOO_LARGE,
+        ReasonCode.WIRE_NOT_FOUND,
+        ReasonCode.IMAGES_DISAGREE,
+        ReasonCode.IMAGE_PROCESSED,
+    }
+)
 _ANOTHER_VIEW: Final = CArmCorrection(about_image_x=2.0, about_image_y=1.5)
 
 Tell = Callable[[str], None]

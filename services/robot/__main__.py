@@ -10,7 +10,7 @@ from services.robot.core.permits import Permit
 from services.robot.core.refusals import Refusal
 from services.robot.core.status import DriveStatus
 from services.robot.devices.controller import HexapodController
-from services.robot.devices.dialects import DRIVERS
+from services.robot.devices.dialects import DIALECTS
 from services.robot.devices.guardian import Guardian, hosted_at
 from services.robot.devices.serial_line import open_port
 from services.robot.drive.drive import Drive
@@ -36,7 +36,7 @@ def compose(settings: RobotSettings, bus: Bus, runtime: Runtime) -> Iterator[Rob
 
     def connect() -> HexapodController:
         port = open_port(settings.controller_url, settings.controller_baud)
-        return DRIVERS[settings.dialect](port, hexapod, settings.encoders, settings.reply_timeout_s, guardian)
+        return DIALECTS[settings.dialect].driver(port, hexapod, settings.encoders, settings.reply_timeout_s, guardian)
 
     drive = Drive(
         connect,

@@ -40,7 +40,7 @@ def choose_parts(file: ScenarioFile, folder: Path, generator: np.random.Generato
     Raises
     ------
     ScenarioInvalid
-        When a part is neither in the catalogue nor a readable, valid file.
+        When a part is neither in the catalogue nor a readable, valid file, or the nail is made for another bone.
     """
     nails = _TIBIAL_NAILS if file.bone is BoneKind.TIBIA else None
     sources = PartSources(
@@ -55,6 +55,12 @@ def choose_parts(file: ScenarioFile, folder: Path, generator: np.random.Generato
         nail=_parsed(nail_from_json, sources.nail),
         hexapod=_parsed(hexapod_from_json, sources.hexapod),
     )
+    made_for = parts.nail.bone
+    if made_for is not None and made_for != file.bone.value:
+        raise ScenarioInvalid(
+            f"nail '{sources.nail.name}' is made for the {made_for}, and the scenario's bone is the {file.bone.value}: "
+            f'name it ("bone": "{made_for}"), or another nail'
+        )
     return parts, sources
 
 

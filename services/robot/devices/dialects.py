@@ -1,6 +1,7 @@
 """The dialects of hexapod controllers: the one table in which a driver is registered."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
@@ -32,6 +33,20 @@ class Driver(Protocol):
         """Connect."""
 
 
-DRIVERS: Mapping[Dialect, Driver] = {Dialect.GCS: GcsController}
-# For whoever wants no driver, only to know who is there: a port and the seconds to wait in, what it answers out.
-IDENTITIES: Mapping[Dialect, Callable[[Port, float], str]] = {Dialect.GCS: asked_identity}
+@dataclass(frozen=True, slots=True)
+class DialectDevice:
+    """How a controller of a dialect is reached.
+
+    Attributes
+    ----------
+    driver
+        Takes over the controller.
+    ask_identity
+        For whoever only wants to know who is there: a port and the seconds to wait in, what it answers out.
+    """
+
+    driver: Driver
+    ask_identity: Callable[[Port, float], str]
+
+
+DIALECTS: Mapping[Dialect, DialectDevice] = {Dialect.GCS: DialectDevice(GcsController, asked_identity)}

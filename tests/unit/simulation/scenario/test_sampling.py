@@ -147,3 +147,11 @@ def test_a_nail_head_mount_is_softer() -> None:
     assert scenario_from_file(base, Path()).drilling.stiffness_share < 1.0
     bone = base.model_copy(update={"mount": MountKind.BONE})
     assert scenario_from_file(bone, Path()).drilling.stiffness_share == 1.0
+
+
+@pytest.mark.parametrize(("bone", "other"), [("femur", "tibia"), ("tibia", "femur")])
+def test_a_nail_of_another_bone_is_refused(bone: str, other: str) -> None:
+    file = ScenarioFile(schema_name="distalock/scenario/1", seed=3, bone=BoneKind(bone), nail=f"nail-{other}-ti-10")
+    sentence = f'made for the {other}, and the scenario\'s bone is the {bone}: name it \\("bone": "{other}"\\)'
+    with pytest.raises(ScenarioInvalid, match=sentence):
+        scenario_from_file(file, Path())

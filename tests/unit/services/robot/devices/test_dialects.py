@@ -4,7 +4,7 @@ from services.robot.core.controller_feedback import ControllerError, ControllerF
 from services.robot.core.guard import PermittedMove
 from services.robot.core.tuning import SUPERVISION
 from services.robot.devices.controller import Encoders, HexapodController, StopInForce, garbled
-from services.robot.devices.dialects import DRIVERS, Dialect, Driver
+from services.robot.devices.dialects import DIALECTS, Dialect, Driver
 from services.robot.devices.guardian import UNGUARDED, LineGuardian
 from services.robot.devices.serial_line import LineProtocol, Port, SerialLine
 from services.robot.drive.drive import Drive
@@ -20,7 +20,7 @@ LINE = LineProtocol(b"!", b"lock\n", b"hello\n", ("here",), another_line_follows
 
 
 class ToyController:
-    """The driver of a dialect with one question: all that a folder `devices/toy/` would have to hold."""
+    """The driver of a dialect with one question, without what `docs/robot.md` asks of one that moves a real robot."""
 
     def __init__(
         self, port: Port, hexapod: HexapodPart, encoders: Encoders, reply_timeout_s: float, guardian: LineGuardian
@@ -143,5 +143,5 @@ def test_the_drive_references_moves_and_stops_a_robot_that_speaks_another_dialec
     work()
 
 
-def test_every_dialect_has_a_driver() -> None:
-    assert set(DRIVERS) == set(Dialect)
+def test_every_dialect_has_a_driver_and_asks_who_is_there() -> None:
+    assert set(DIALECTS) == set(Dialect)
