@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.fusion import LocalisedImage
-from services.registration.core.localise import LocalisationResult, Parts
+from services.registration.core.localise import Parts
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.hexapod import HexapodPart
@@ -36,16 +36,9 @@ class OpenCase:
     @staticmethod
     def of(context: CaseContext) -> "OpenCase":
         """Read the part files; raises `PartFileInvalid`."""
-        return OpenCase(
-            context,
-            parts_from_json(
-                context.ring_json.encode(),
-                context.guide_json.encode(),
-                context.nail_json.encode(),
-                context.drill_diameter_mm,
-            ),
-            hexapod_from_json(context.hexapod_json.encode()),
-        )
+        ring, guide, nail = (json.encode() for json in (context.ring_json, context.guide_json, context.nail_json))
+        parts = parts_from_json(ring, guide, nail, context.drill_diameter_mm)
+        return OpenCase(context, parts, hexapod_from_json(context.hexapod_json.encode()))
 
 
 def parts_from_json(
@@ -83,18 +76,12 @@ class ReceivedFrame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalisedFrame:
-    """An image with what was found in it; the calibration is None when the ring was not found."""
+    """An image with what was found in it."""
 
     frame: ReceivedFrame
     case: OpenCase
     record: LocalisationRecord
-    calibration: CArmCalibration | None
-    result: LocalisationResult
-
-    @property
-    def image(self) -> LocalisedImage:
-        """What the core needs of it; sentences name the image by the beginning of its hash."""
-        return LocalisedImage(self.record.image.sha256[:12], self.frame.pixels, self.calibration, self.result)
+    image: LocalisedImage  # what the core needs of it; sentences name it by the beginning of its hash
 
 
 class LocalisedFrames:

@@ -8,7 +8,7 @@ then as a check, and when the run has ended.
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from services.registration.core.acceptance.criteria import NO_REFERENCE_IMAGE
@@ -57,16 +57,8 @@ _NUMBERED = 4096
 class LiveGuidance:
     """Tracks frames on a thread of its own and publishes the estimate from each."""
 
-    def __init__(
-        self,
-        bus: Bus,
-        runtime: Runtime,
-        settings: RegistrationSettings,
-        state: RegistrationState,
-        clock_s: Callable[[], float] = time.monotonic,
-    ) -> None:
+    def __init__(self, bus: Bus, runtime: Runtime, settings: RegistrationSettings, state: RegistrationState) -> None:
         self._runtime, self._settings, self._state = runtime, settings, state
-        self._clock_s = clock_s
         # Not retained: a message that is delivered later would look like that of the present frame.
         self._publisher = bus.publisher(runtime.keys.guidance)
         self._frames: LatestSlot[CalibrationMessage] = LatestSlot()
@@ -96,7 +88,7 @@ class LiveGuidance:
         in_run = message.image.run_interval_s is not None
         with self._lock:
             self._number(message.image.sha256)
-            self._newest_at_s = self._clock_s()
+            self._newest_at_s = time.monotonic()
             self._waiting = message if in_run else None
             known = self._run.track is not None
         if in_run or known:
@@ -106,7 +98,7 @@ class LiveGuidance:
     def job(self) -> CalibrationMessage | None:
         """The newest frame of a run, when it is due to be localised in full; handed out once."""
         with self._lock:
-            message, now_s = self._waiting, self._clock_s()
+            message, now_s = self._waiting, time.monotonic()
             if message is None:
                 return None
             lost = self._run.track is None or self._run.track.frames_without_estimate > 0
@@ -119,7 +111,7 @@ class LiveGuidance:
 
     def note_localised(self, localised: LocalisedFrame) -> None:
         """Begin anew from an image that was localised in full; publish its estimate if it is still the newest."""
-        calibration, found = localised.calibration, localised.result
+        calibration, found = localised.image.calibration, localised.image.result
         if calibration is None:
             return
         case, record = localised.case, localised.record
@@ -129,7 +121,7 @@ class LiveGuidance:
             if run is None:
                 return
             outcome = run.add_localised(self._numbered(record.image.sha256), estimate, track)
-            self._localised_at_s = self._clock_s()
+            self._localised_at_s = time.monotonic()
             if outcome.starts_track:
                 self._robot_pose = record.robot_pose
             if not outcome.confirms:
@@ -177,7 +169,7 @@ class LiveGuidance:
                 self._runtime.status.impair("guidance", None)
 
     def _follow(self, message: CalibrationMessage) -> None:
-        began_s = self._clock_s()
+        began_s = time.monotonic()
         case = self._state.wait_for_case(message.case_id or "", message.case_revision, _CASE_S)
         frame = self._state.wait_for_frame(message.image.sha256, _PIXELS_S)
         if case is None or frame is None:
@@ -196,7 +188,7 @@ class LiveGuidance:
         with self._lock:
             known = self._run_of(case) is run
             if known and run.add_tracked(self._numbered(message.image.sha256), start, estimate, after):
-                elapsed_ms = 1e3 * (self._clock_s() - began_s)
+                elapsed_ms = 1e3 * (time.monotonic() - began_s)
                 calibration = calibrated.value if isinstance(calibrated, Accepted) else None
                 self._publish(estimate, message.image, frame, case, calibration, elapsed_ms)
             else:
@@ -218,16 +210,8 @@ class LiveGuidance:
         passed_over = self._frames.replaced + self._unseen
         skipped, self._skipped_before = passed_over - self._skipped_before, passed_over
         context = case.context
-        facts = FrameFacts(
-            image,
-            context.case_id,
-            context.revision,
-            angles,
-            calibration,
-            skipped,
-            elapsed_ms,
-            frame.age_s(self._state.now_s()),
-        )
+        case_id, revision, age_s = context.case_id, context.revision, frame.age_s(self._state.now_s())
+        facts = FrameFacts(image, case_id, revision, angles, calibration, skipped, elapsed_ms, age_s)
         self._publisher.put(encode(guidance_message(estimate, facts, self._picture)))
 
 

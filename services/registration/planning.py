@@ -64,8 +64,8 @@ def answer_plan_request(request: PlanRequest, state: RegistrationState, oldest_i
     if newest != request.image_sha256 or localised is None:
         return refused(
             "stale",
-            f"a plan needs the newest image {newest[:12]}, localised; asked for was {request.image_sha256[:12]}; "
-            "wait for the newest image's localisation and plan from it",
+            f"a plan needs the newest image {newest[:12]}, localised; asked for was "
+            f"{request.image_sha256[:12]}; wait for the newest image's localisation and plan from it",
         )
     refusal = _stale_case(localised, case)
     if refusal is not None:
@@ -264,7 +264,7 @@ def _moved(before: PlatformPoseMessage, now: PlatformPoseMessage, since: str) ->
 
 def _of_images(frames: tuple[LocalisedFrame, ...]) -> PlanAxes | PlanReply:
     """The holes as one accepted image shows them, or several together; or why they may not be planned for."""
-    newest = frames[-1].result
+    newest = frames[-1].image.result
     if len(frames) == 1:
         if not newest.accepted or newest.holes is None:
             return _rejected("the newest image was rejected", newest.reasons)
@@ -298,9 +298,9 @@ def head_trouble(newest: LocalisedFrame, state: RegistrationState) -> Refusal[He
 
 def _view(frame: LocalisedFrame) -> MotionView | None:
     pose = frame.record.robot_pose
-    if pose is None or frame.calibration is None:
+    if pose is None or frame.image.calibration is None:
         return None
-    return motion_view(pose.value(), frame.calibration, frame.result)
+    return motion_view(pose.value(), frame.image.calibration, frame.image.result)
 
 
 def motion_view(pose: PlatformPose, calibration: CArmCalibration, result: LocalisationResult) -> MotionView | None:

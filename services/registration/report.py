@@ -133,7 +133,6 @@ def timed_localisation(
     image_sha256: str,
     ring_ms: float,
     method: tuple[Method, Localiser] = ("model", localise),
-    clock_s: Callable[[], float] = time.perf_counter,
 ) -> tuple[LocalisationResult, Localisation]:
     """Localise in an image as received, and its message with the time each step took.
 
@@ -145,11 +144,11 @@ def timed_localisation(
         result = LocalisationResult(calibrated.reasons, None, None, None, None, None)
         return result, localisation_message(result, None, image_sha256, Timing(total=ring_ms, ring=ring_ms), name)
     ends: dict[Step, float] = {}
-    start = clock_s()
-    result = localise_by(pixels, calibrated.value, parts, lambda step: ends.update({step: clock_s()}))
+    start = time.perf_counter()
+    result = localise_by(pixels, calibrated.value, parts, lambda step: ends.update({step: time.perf_counter()}))
     guide_ms = 1e3 * (ends[Step.GUIDE] - start)
     nail_ms = 1e3 * (ends[Step.NAIL] - ends[Step.GUIDE])
-    times = Timing(total=ring_ms + 1e3 * (clock_s() - start), ring=ring_ms, guide=guide_ms, nail=nail_ms)
+    times = Timing(total=ring_ms + 1e3 * (time.perf_counter() - start), ring=ring_ms, guide=guide_ms, nail=nail_ms)
     return result, localisation_message(result, calibrated.value, image_sha256, times, name)
 
 

@@ -198,9 +198,9 @@ class NailPart:
         return section_frame(self.curvature_per_m, x_mm) @ back
 
 
-def mean_hole_direction(nail: NailPart) -> NDArray[np.float64]:
-    """Mean direction of the localised holes' axes in the nail's frame, unit, shape (3,)."""
-    return unit(np.sum([hole.axis.direction for hole in nail.holes], axis=0))
+def mean_hole_direction(part: NailPart | GuidePart) -> NDArray[np.float64]:
+    """Mean direction of the localised holes' axes in the part's frame, unit, shape (3,)."""
+    return unit(np.sum([hole.axis.direction for hole in part.holes], axis=0))
 
 
 def across_holes(nail: NailPart) -> NDArray[np.float64]:

@@ -17,7 +17,6 @@ from services.registration.core.drill_clearance import angle_deg, axis_offset_mm
 from services.registration.core.estimation.joint import JointEstimate, fuse, leave_one_out
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.guide_from_nail import guide_from_nail_of
-from services.registration.core.guide_scale import scale_that_agrees
 from services.registration.core.hole_axes import HoleEstimate, holes_at
 from services.registration.core.localise import LocalisationResult, Parts, departures_of
 from services.registration.core.nail.parameters import SHAPE_PARAMETERS, Parameter, priors
@@ -31,6 +30,10 @@ Estimates = tuple[PoseEstimate[Guide, Nail], ...]
 
 # A lone image may not be certain enough: together with others it may be. All other reasons make it useless.
 _USABLE_THOUGH = frozenset({ReasonCode.UNCERTAINTY_TOO_LARGE})
+# Chi-square is a parabola in a shift of all images; any step finds it.
+_STEP_MM = 1.0
+# Guard: nobody builds a guide further off than this share; images from nearly one direction would say so of any move.
+_LARGEST_EXCESS = 0.1
 # Radii that separate one nail from another, by the names that people give them.
 _RADII = {
     Parameter.HOLE_RADIUS_EXCESS_MM: "the holes' radius",
@@ -177,7 +180,7 @@ def disagreement(
         f"{_difference(estimates, parted, parts, camera_from_nail)} (chi-square of "
         f"{joint.degrees_of_freedom} degrees of freedom: {quoted})"
     )
-    scale = scale_that_agrees(estimates, camera_from_nail)
+    scale = _scale_that_agrees(estimates, camera_from_nail)
     return Reason(IMAGES_CHI_SQUARE.code, _explained(grouping, names, measured, scale))
 
 
@@ -269,3 +272,32 @@ def _other_radii(estimates: Estimates, grouping: _Grouping) -> str:
         if (name := _RADII.get(parameter)) is not None
     }
     return "".join(f", {name} by {mm:.2f} mm" for name, mm in apart_mm.items() if mm >= NAIL_PRIORS.radius_sd_mm)
+
+
+def _scale_that_agrees(estimates: Estimates, camera_from_nail: Transform[Camera, Nail]) -> float | None:
+    """Size of the guide over that of its file with which images that contradict one another agree; None for none.
+
+    A guide that is larger and farther away by the same share looks the same. The nail's depth follows from the nail's
+    own file, so that its distance from the guide is wrong along the ray: by as much in every image, but along another
+    ray. `camera_from_nail`, in any of the images, says how far away guide and nail were.
+    """
+    less, none, more = (fuse(_nearer(estimates, step_mm)) for step_mm in (-_STEP_MM, 0.0, _STEP_MM))
+    curvature = less.chi_square - 2.0 * none.chi_square + more.chi_square
+    if curvature <= 0.0:
+        return None
+    nearer_mm = 0.5 * _STEP_MM * (less.chi_square - more.chi_square) / curvature
+    if fuse(_nearer(estimates, nearer_mm)).chi_square > chi_square_limit(none.degrees_of_freedom - 1):
+        return None
+    guide_mm = float(np.linalg.norm((camera_from_nail @ none.pose.mean.inverse()).translation_mm))
+    excess = nearer_mm / guide_mm
+    return 1.0 + excess if abs(excess) < _LARGEST_EXCESS else None
+
+
+def _nearer(estimates: Estimates, shift_mm: float) -> Estimates:
+    """The same with the nail nearer to the focal spot by so much, along the ray of each image."""
+    return tuple(replace(one, mean=one.mean.moved(_along_ray(one, -shift_mm))) for one in estimates)
+
+
+def _along_ray(estimate: PoseEstimate[Guide, Nail], shift_mm: float) -> NDArray[np.float64]:
+    ray = np.zeros(3) if estimate.errors.ray is None else estimate.errors.ray
+    return np.concatenate([np.zeros(3), shift_mm * ray])

@@ -50,15 +50,8 @@ class NailEstimate:
     @staticmethod
     def of_fit(fit: NailFit) -> "NailEstimate":
         """What a fit to the pixels determines of the pose."""
-        seen = fit.evidence
-        return NailEstimate(
-            fit.camera_from_nail,
-            fit.errors,
-            seen.mirror_margin,
-            seen.error_ratio,
-            fit.curvature_per_m,
-            fit.hole_spread_mm,
-        )
+        seen, bend, spread_mm = fit.evidence, fit.curvature_per_m, fit.hole_spread_mm
+        return NailEstimate(fit.camera_from_nail, fit.errors, seen.mirror_margin, seen.error_ratio, bend, spread_mm)
 
 
 def guide_from_nail_of(
@@ -145,10 +138,8 @@ def _cameras_with_other_sources(calibration: CArmCalibration, guide_fit: GuideFi
     The image plane stays where it is, at the ring: a shift across the beam moves the principal point, one along the
     beam changes the focal length. A focal length that the guide's balls contradict is as uncertain as they differ.
     """
-    to_camera, distance_mm = (
-        calibration.camera_from_ring.rotation,
-        float(calibration.camera_from_ring.translation_mm[2]),
-    )
+    to_camera = calibration.camera_from_ring.rotation
+    distance_mm = float(calibration.camera_from_ring.translation_mm[2])
     covariance_mm2 = to_camera @ calibration.source_covariance_mm2 @ to_camera.T
     covariance_mm2[2, 2] += (distance_mm * guide_fit.focal_length.conflict(calibration.focal_length_deviation)) ** 2
     values, vectors = np.linalg.eigh(covariance_mm2)

@@ -844,7 +844,6 @@ class NailTracking:
     """The nail's fit in a frame, from its predicted pose (`core/guidance/measurement.py`)."""
 
     hole_px: float = tuned(12.0, "stage px", "width of the smallest hole after reduction", _FRAME_TIME)
-    least_reduction: int = tuned(2, "image px", "least side of a pixel of the stage", _FRAME_TIME)
     smoothing_px: float = tuned(0.8, "stage px", "Gaussian after reduction", _FILMS)
     surroundings_mm: float = tuned(3.0, "mm", "compared surroundings of the holes", _FILMS)
     knot_spacing_mm: float = tuned(3.0, "mm", "spacing of the background's knots", _FILMS)

@@ -30,7 +30,7 @@ from services.registration.core.guide.identity import Discs, refined_identity
 from services.registration.core.guide.locate import needed_balls
 from services.registration.core.nail.covariance import pose_covariance as nail_pose_covariance
 from services.registration.core.nail.evidence import hole_views, residual_statistics
-from services.registration.core.nail.forward_model import ForwardModel, model_at
+from services.registration.core.nail.forward_model import reduced_model
 from services.registration.core.nail.least_squares import (
     Problem,
     Solution,
@@ -50,9 +50,7 @@ from services.registration.core.nail.parameters import (
     STRAIGHT_NAIL,
     TILTS,
     Parameter,
-    curvature_of,
     level_tilts,
-    motion_by_parameters,
     prior_mean,
 )
 from services.registration.core.nail.region import FitInput
@@ -151,11 +149,6 @@ class NailAppearance:
     weight: float  # median weight of a pixel: inverse variance over the number of correlated pixels
     blur_px: float  # standard deviation of the blur, in image pixels
 
-    @property
-    def curvature_per_m(self) -> tuple[float, float]:
-        """Of the nail in the reference image."""
-        return curvature_of(self.parameters)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackedNail:
@@ -166,15 +159,10 @@ class TrackedNail:
     solution: Solution
     noise: NoiseModel
 
-    @property
-    def blur_px(self) -> float:
-        """Standard deviation of the blur, in image pixels."""
-        return self.problem.model.region.sampling.blur_px(self.solution.parameters)
-
 
 def estimate_appearance(given: FitInput, camera_from_nail: Transform[Camera, Nail]) -> NailAppearance | None:
     """Fit everything once in an image whose nail is known; `None` when its holes are not in the image."""
-    model = _model(given, camera_from_nail)
+    model = reduced_model(given, camera_from_nail, NAIL_TRACKING, NAIL_TRACKING.hole_px)
     if model is None:
         return None
     start = model.with_pose(prior_mean(), camera_from_nail)
@@ -192,7 +180,7 @@ def track_nail(
     given: FitInput, appearance: NailAppearance, predicted: Transform[Camera, Nail]
 ) -> Accepted[TrackedNail] | Rejected:
     """Refine a predicted pose on the pixels of this frame; `acceptance.frame` decides whether it is accepted."""
-    model = _model(given, predicted)
+    model = reduced_model(given, predicted, NAIL_TRACKING, NAIL_TRACKING.hole_px)
     if model is None:
         return Rejected((NAIL_OUTSIDE.reason(),))
     problem = problem_for(model, NAIL_TRACKING, _FITTED)
@@ -219,7 +207,7 @@ def frame_evidence(
         turned_deg=tuple(np.degrees(across @ apart.rotation_vector_rad).tolist()),
         turn_sd_deg=tuple(np.degrees(np.sqrt(np.diag(rotation))).tolist()),
         across_mm=float(np.linalg.norm(across @ apart.translation_mm)),
-        blur_px=nail.blur_px,
+        blur_px=nail.problem.model.region.sampling.blur_px(nail.solution.parameters),
         reference_blur_px=appearance.blur_px,
         tilt_sd_deg=float(np.degrees(np.sqrt(np.diag(tilts).max()))),
     )
@@ -242,14 +230,6 @@ def mirror_margin(found: TrackedNail) -> float | None:
     return 0.5 * (reflected.cost - here.cost)
 
 
-def _model(given: FitInput, pose: Transform[Camera, Nail]) -> ForwardModel | None:
-    """On pixels reduced so far that the smallest hole has the width of a few."""
-    px_per_mm = given.calibration.camera.focal_length_px / float(pose.translation_mm[2])
-    smallest_px = min(hole.diameter_mm for hole in given.nail.holes) * px_per_mm
-    reduction = max(NAIL_TRACKING.least_reduction, round(smallest_px / NAIL_TRACKING.hole_px))
-    return model_at(given, pose, NAIL_TRACKING, reduction)
-
-
 def _fitted(problem: Problem, start: NDArray[np.float64], last_steps: int) -> tuple[Problem, Solution]:
     """Minimised twice: with the weights of the problem, then with those by the noise that the first fit leaves."""
     stage = NAIL_TRACKING
@@ -264,7 +244,7 @@ def _pose(
     """With the errors of this frame, of what the reference leaves open, and of the model itself."""
     model = problem.model
     pose = model.pose(solution.parameters)
-    jacobian = motion_by_parameters(solution.parameters[:POSE_SIZE], model.camera, model.anchors)
+    jacobian = model.motion_by_parameters(solution.parameters)
     shared = jacobian @ appearance.shared_covariance @ jacobian.T
     by_model = model_covariance(model.nail, pose)
     return PoseEstimate.of(pose, nail_pose_covariance(problem, solution, noise) + shared + by_model)

@@ -31,6 +31,7 @@ from services.registration.core.guidance.measurement import (
 from services.registration.core.guide.locate import locate_guide
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
+from services.registration.core.nail.parameters import curvature_of
 from services.registration.core.nail.region import FitInput
 from services.registration.core.tuning import FRAME_TRACKING
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
@@ -58,18 +59,11 @@ class Margin:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reference:
-    """What later frames need of a fully localised image."""
+class Track:
+    """What the next frame is tracked from; the first two by the reference, an image that was localised in full."""
 
     guide_from_nail: PoseEstimate[Guide, Nail]  # with the errors of the nail's pose there: the guide's are always new
     appearance: NailAppearance
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Track:
-    """What the next frame is tracked from."""
-
-    reference: Reference
     camera_from_guide: Transform[Camera, Guide]  # in the last frame in which it was found
     margin: Margin  # measured in the reference, or in the frame that was checked last
     frames_without_estimate: int  # in a row
@@ -108,8 +102,8 @@ def begin_track(
     if appearance is None:
         return estimate, None
     covariance = FRAME_TRACKING.reference_sd_factor**2 * nail.covariance
-    reference = Reference(PoseEstimate.of(found.guide_from_nail, covariance), appearance)
-    return estimate, Track(reference, camera_from_guide, margin, 0)
+    guide_from_nail = PoseEstimate.of(found.guide_from_nail, covariance)
+    return estimate, Track(guide_from_nail, appearance, camera_from_guide, margin, 0)
 
 
 def track_frame(
@@ -128,13 +122,13 @@ def track_frame(
         return _refused(guide.reasons, None), _missed(track)
     at = guide.value.mean
     track = replace(track, camera_from_guide=at)
-    parts = replace(parts, nail=parts.nail.bent(track.reference.appearance.curvature_per_m))
+    parts = replace(parts, nail=parts.nail.bent(curvature_of(track.appearance.parameters)))
     given = _given(pixels, calibration, parts, at)
-    predicted = guide.value @ track.reference.guide_from_nail
-    nail = track_nail(given, track.reference.appearance, predicted.mean)
+    predicted = guide.value @ track.guide_from_nail
+    nail = track_nail(given, track.appearance, predicted.mean)
     if isinstance(nail, Rejected):
         return _refused(nail.reasons, at), _missed(track)
-    reasons = frame_reasons(frame_evidence(nail.value, track.reference.appearance, predicted))
+    reasons = frame_reasons(frame_evidence(nail.value, track.appearance, predicted))
     if reasons:
         return _refused(reasons, at), _missed(track)
     joint = weighted_mean(predicted, nail.value.pose, FRAME_TRACKING.shared_correlation)

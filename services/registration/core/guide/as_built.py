@@ -17,13 +17,12 @@ from services.registration.core.estimation.image_points import (
     projection_jacobian,
     residuals_px,
 )
+from services.registration.core.estimation.pose_estimate import POSE_SIZE
 from services.registration.core.tuning import GUIDE_AS_BUILT
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera
 from shared.geometry.transform import Transform
 
-# A rigid motion's degrees of freedom.
-_POSE_SIZE = 6
 # End of the search for a root: far more than any ball is out of its place.
 _LARGEST_MM = 10.0
 _LEAST_INFORMATION = 1e-12  # of balls in one plane across the beam, which have no perspective
@@ -81,13 +80,11 @@ def displacement_sd_mm(
     shared_px2
         Covariance per axis of errors that balls share, shape (N, N).
     """
-    freedom = 2 * len(seen) - _POSE_SIZE
+    freedom = 2 * len(seen) - POSE_SIZE
     if freedom < GUIDE_AS_BUILT.least_freedom:
         return 0.0
-    J, residual = (
-        projection_jacobian(camera, camera_from_body, seen.body_mm),
-        residuals_px(camera, camera_from_body, seen),
-    )
+    J = projection_jacobian(camera, camera_from_body, seen.body_mm)
+    residual = residuals_px(camera, camera_from_body, seen)
     scale = px_per_mm(camera, camera_from_body, seen.body_mm)
 
     def excess(spread_mm: float) -> float:

@@ -27,6 +27,7 @@ from services.registration.core.guide.identity import GuideIdentity
 from services.registration.core.guide.lag import lag_px
 from services.registration.core.guide.measure import (
     GuideImage,
+    Measured,
     measured_and_fitted,
     measured_displaced,
     predicted_within_px,
@@ -145,11 +146,7 @@ def _fitted_as_built(image: GuideImage, named: Named) -> GuideFit | Rejected:
     return fit
 
 
-def _fitted(
-    image: GuideImage,
-    measured: tuple[Transform[Camera, Guide], Correspondences, NDArray[np.bool_]],
-    named: Named,
-) -> GuideFit | Rejected:
+def _fitted(image: GuideImage, measured: Measured, named: Named) -> GuideFit | Rejected:
     """The fit to balls that were measured, unless they are too few."""
     pose, seen, used = measured
     found = int(np.count_nonzero(used))

@@ -16,6 +16,9 @@ from shared.geometry.parts import BallPattern, GuidePart, RingPart
 from shared.geometry.transform import Transform
 from shared.xray.measurement import BallMeasurements, Discs, MeasurementSettings, measure_balls
 
+# The pose, all balls as measured, and which of them it was fitted to, shape (N,).
+Measured = tuple[Transform[Camera, Guide], Correspondences, NDArray[np.bool_]]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GuideImage:
@@ -59,9 +62,7 @@ def ring_shadows(calibration: CArmCalibration, ring: RingPart) -> Discs:
     return Discs(centre, radius)
 
 
-def measured_and_fitted(
-    image: GuideImage, identity: GuideIdentity
-) -> tuple[Transform[Camera, Guide], Correspondences, NDArray[np.bool_]]:
+def measured_and_fitted(image: GuideImage, identity: GuideIdentity) -> Measured:
     """Measure all balls where an identity puts them and fit the pose to them as if no error were shared.
 
     A pose from few discs is first refined in wider surroundings of the balls.
@@ -75,9 +76,7 @@ def measured_and_fitted(
     return _measured_and_fitted(image, pose, _settings(image.calibration, GUIDE_MEASUREMENT.drift_px))
 
 
-def measured_displaced(
-    image: GuideImage, pose: Transform[Camera, Guide], displacement_sd_px: float
-) -> tuple[Transform[Camera, Guide], Correspondences, NDArray[np.bool_]]:
+def measured_displaced(image: GuideImage, pose: Transform[Camera, Guide], displacement_sd_px: float) -> Measured:
     """The same from a pose whose prediction of each ball errs by the ball's displacement as well.
 
     Within the surroundings for balls that lie as filed a displaced one is measured nearer to its filed place, or not
@@ -101,15 +100,14 @@ def _settings(calibration: CArmCalibration, drift_px: float) -> MeasurementSetti
     )
 
 
-def _measured_and_fitted(
-    image: GuideImage, pose: Transform[Camera, Guide], settings: MeasurementSettings
-) -> tuple[Transform[Camera, Guide], Correspondences, NDArray[np.bool_]]:
+def _measured_and_fitted(image: GuideImage, pose: Transform[Camera, Guide], settings: MeasurementSettings) -> Measured:
     """Measure, then fit and leave out outliers until none is left."""
     camera = image.calibration.camera
     balls, alone = _measured(image, pose, settings)
     candidates = balls.seen & alone
     seen = _correspondences(image.calibration, image.guide, balls, pose)
-    total_sd_px = np.hypot(seen.standard_deviation_px, _distortion_deviation(image.calibration, balls))
+    seen_px = np.where(balls.seen[:, None], balls.centre_px, 0.0)
+    total_sd_px = np.hypot(seen.standard_deviation_px, image.calibration.distortion.standard_deviation_at(seen_px))
     of_both = Correspondences(seen.body_mm, seen.ideal_px, total_sd_px)
     used = candidates
     for _ in range(GUIDE_MEASUREMENT.most_rounds):
@@ -152,8 +150,3 @@ def _correspondences(
     return Correspondences(
         guide.balls.position_mm, calibration.distortion.undistort(centre), np.where(balls.seen, deviation, 1.0)
     )
-
-
-def _distortion_deviation(calibration: CArmCalibration, balls: BallMeasurements) -> NDArray[np.float64]:
-    """Standard deviation of the distortion at the balls that were seen, shape (N,)."""
-    return calibration.distortion.standard_deviation_at(np.where(balls.seen[:, None], balls.centre_px, 0.0))

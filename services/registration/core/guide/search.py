@@ -136,10 +136,8 @@ def _disc_pairs(
     """
     extent = float(np.linalg.norm(balls_mm[:, None] - balls_mm[None], axis=-1).max())
     f = camera.focal_length_px
-    shortest, longest = (
-        1.5 * GUIDE_SEARCH.shortest_pair * extent * f / GUIDE_SEARCH.greatest_depth_mm,
-        extent * f / GUIDE_SEARCH.least_depth_mm,
-    )
+    shortest = 1.5 * GUIDE_SEARCH.shortest_pair * extent * f / GUIDE_SEARCH.greatest_depth_mm
+    longest = extent * f / GUIDE_SEARCH.least_depth_mm
     first, second = np.triu_indices(len(ideal_px), k=1)
     apart = np.linalg.norm(ideal_px[first] - ideal_px[second], axis=1)
     usable = np.flatnonzero((apart > shortest) & (apart < longest))
@@ -177,16 +175,9 @@ def _identities(
 
 def _votes(views: _Views, discs: Discs, slopes: NDArray[np.float64], part: slice = slice(None)) -> NDArray[np.int16]:
     """Balls on discs for directions and pairs of balls, when such a pair lies on two rays, shape (D, P)."""
-    turned_mm, seen = views.turned_mm[part], (discs.cell_from_slope, discs.occupied)
-    return vote(
-        turned_mm,
-        views.first,
-        views.second,
-        slopes,
-        (GUIDE_SEARCH.least_depth_mm, GUIDE_SEARCH.greatest_depth_mm),
-        *seen,
-        GUIDE_SEARCH.probes,
-    )
+    on_rays = slopes, (GUIDE_SEARCH.least_depth_mm, GUIDE_SEARCH.greatest_depth_mm)
+    seen = discs.cell_from_slope, discs.occupied
+    return vote(views.turned_mm[part], views.first, views.second, *on_rays, *seen, GUIDE_SEARCH.probes)
 
 
 def _shared_votes(views: _Views, discs: Discs, slopes: NDArray[np.float64]) -> NDArray[np.int16]:

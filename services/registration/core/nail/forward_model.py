@@ -44,6 +44,7 @@ from services.registration.core.nail.region import FitInput, FitRegion, cut_regi
 from services.registration.core.tuning import (
     BEAM,
     RAY_SAMPLING,
+    TILT_SEARCH_STAGE,
     CentringStage,
     ComparisonStage,
     FinalStage,
@@ -109,6 +110,16 @@ def model_at(
     sampling = Sampling(reduction, stage.smoothing_px, quantised_pitch_mm(calibration.pixel_mm))
     region = cut_region(fit_input, camera_from_nail, stage.surroundings_mm, sampling)
     return None if region is None else ForwardModel(region, calibration.camera, anchors_of(nail), nail)
+
+
+def reduced_model(
+    fit_input: FitInput, camera_from_nail: Transform[Camera, Nail], stage: StageSettings, hole_width_px: float
+) -> ForwardModel | None:
+    """The same in pixels so large that the smallest hole is about so many wide."""
+    px_per_mm = fit_input.calibration.camera.focal_length_px / float(camera_from_nail.translation_mm[2])
+    smallest_mm = min(hole.diameter_mm for hole in fit_input.nail.holes)
+    reduction = max(TILT_SEARCH_STAGE.least_reduction, round(smallest_mm * px_per_mm / hole_width_px))
+    return model_at(fit_input, camera_from_nail, stage, reduction)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

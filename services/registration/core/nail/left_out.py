@@ -49,17 +49,17 @@ def covered_pixels(
     known_discs_px
         Balls whose place is known and modelled: centre x, y and radius in measured pixels, shape (B, 3).
     """
-    stubs = np.zeros(pixels.shape, dtype=np.uint8)
+    stubs = np.zeros(pixels.shape, dtype=bool)
     for opening in openings:
         _add_stub(stubs, pixels, calibration, opening, known_discs_px)
     if not stubs.any():
-        return np.zeros(pixels.shape, dtype=bool)
+        return stubs
     reach_px = int(np.ceil(OPENING_COVER.reach_mm * calibration.camera.focal_length_px / depth_mm))
-    return _widened(stubs, reach_px)
+    return widened(stubs, reach_px)
 
 
 def _add_stub(
-    stubs: NDArray[np.uint8],
+    stubs: NDArray[np.bool_],
     pixels: NDArray[np.generic],
     calibration: CArmCalibration,
     opening: Opening,
@@ -95,7 +95,7 @@ def _add_stub(
     for ball_x, ball_y, radius in known_discs_px[away < reach + 1.0 + known_discs_px[:, 2] + margin_px]:
         stub &= np.hypot(x - ball_x, y - ball_y) > radius + margin_px
     if np.count_nonzero(stub) >= s.least_pixels:
-        stubs[top:bottom, left:right] |= stub.astype(np.uint8)
+        stubs[top:bottom, left:right] |= stub
 
 
 def foreign_pixels(
@@ -111,11 +111,11 @@ def foreign_pixels(
     residual, variance
         Measured less modelled grey value and its noise, shape (N,); `region` has the image's own pixels.
     """
-    found = foreign_in_region(region, residual, variance).astype(np.uint8)
+    found = foreign_in_region(region, residual, variance)
     margin_px = whole_pixels(FOREIGN_OBJECTS.margin_detector_mm, region.sampling.pixel_mm)
     mask = np.zeros(image_shape, dtype=bool)
     left, top = (int(v) for v in region.origin_px)
-    mask[top : top + region.shape[0], left : left + region.shape[1]] = _widened(found, margin_px)
+    mask[top : top + region.shape[0], left : left + region.shape[1]] = widened(found, margin_px)
     return mask
 
 
@@ -132,10 +132,10 @@ def foreign_in_region(
     return np.isin(labels, large[large > 0])
 
 
-def _widened(mask: NDArray[np.uint8], margin_px: int) -> NDArray[np.bool_]:
+def widened(mask: NDArray[np.bool_], margin_px: int) -> NDArray[np.bool_]:
     """A mask with a margin in all directions."""
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * margin_px + 1, 2 * margin_px + 1))
-    return np.asarray(cv2.dilate(mask, kernel) > 0)
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), kernel) > 0)
 
 
 def beyond_foreign(region: FitRegion, nail: NailPart, foreign: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.bent_nail import cost_limit_beside, reflected_and_bent
-from services.registration.core.nail.forward_model import model_at
+from services.registration.core.nail.forward_model import model_at, reduced_model
 from services.registration.core.nail.least_squares import (
     Problem,
     Solution,
@@ -81,7 +81,7 @@ def find_global_optimum(fit_input: FitInput, start: Transform[Camera, Nail]) -> 
 
 def _centred(fit_input: FitInput, start: Transform[Camera, Nail]) -> Transform[Camera, Nail] | None:
     """Move the nail over its image with its tilt held."""
-    model = model_at(fit_input, start, CENTRING_STAGE, _reduction(fit_input, start, CENTRING_STAGE.hole_width_px))
+    model = reduced_model(fit_input, start, CENTRING_STAGE, CENTRING_STAGE.hole_width_px)
     if model is None:
         return None
     problem = problem_for(model, CENTRING_STAGE, _ANCHORS_ONLY)
@@ -91,8 +91,7 @@ def _centred(fit_input: FitInput, start: Transform[Camera, Nail]) -> Transform[C
 
 def _optimal_poses(fit_input: FitInput, start: Transform[Camera, Nail]) -> list[Transform[Camera, Nail]]:
     """Poses of the distinct local optima on the reduced image, best first."""
-    reduction = _reduction(fit_input, start, TILT_SEARCH_STAGE.hole_width_px)
-    model = model_at(fit_input, start, TILT_SEARCH_STAGE, reduction)
+    model = reduced_model(fit_input, start, TILT_SEARCH_STAGE, TILT_SEARCH_STAGE.hole_width_px)
     if model is None:
         return []
     optima = local_optima(problem_for(model, TILT_SEARCH_STAGE, POSE_ONLY), model.with_pose(prior_mean(), start))
@@ -105,7 +104,7 @@ def poses_beside_objects(fit_input: FitInput, start: Transform[Camera, Nail]) ->
     Empty when the holes lie outside the image.
     """
     stage = TILT_SEARCH_STAGE
-    model = model_at(fit_input, start, stage, _reduction(fit_input, start, stage.hole_width_px))
+    model = reduced_model(fit_input, start, stage, stage.hole_width_px)
     if model is None:
         return []
     problem, initial = problem_for(model, stage, POSE_ONLY), model.with_pose(prior_mean(), start)
@@ -243,10 +242,3 @@ def _nearby(problem: Problem, best: Solution) -> Solution:
         for tilt in np.radians(stage.nearby_tilt_deg * _AXES)
     ]
     return min(found, key=lambda solution: solution.least_cost)
-
-
-def _reduction(fit_input: FitInput, start: Transform[Camera, Nail], hole_width_px: float) -> int:
-    """Reduction after which the smallest hole is about so many pixels wide."""
-    px_per_mm = fit_input.calibration.camera.focal_length_px / float(start.translation_mm[2])
-    smallest_mm = min(hole.diameter_mm for hole in fit_input.nail.holes)
-    return max(TILT_SEARCH_STAGE.least_reduction, round(smallest_mm * px_per_mm / hole_width_px))

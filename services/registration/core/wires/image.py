@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.guide.measure import shadows
+from services.registration.core.nail.left_out import widened
 from services.registration.core.tuning import WIRE_VISIBILITY
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
@@ -100,7 +101,7 @@ def _metal(
         *(np.arange(n, dtype=np.float32) for n in (calibration.width_px, calibration.height_px))
     )
     full = cv2.remap(length_mm.astype(np.float32), columns / step, rows / step, cv2.INTER_LINEAR)
-    return _dilated(full > WIRE_VISIBILITY.least_metal_mm, int(np.ceil(margin_px)))
+    return widened(full > WIRE_VISIBILITY.least_metal_mm, int(np.ceil(margin_px)))
 
 
 def metal_length_mm(
@@ -179,12 +180,7 @@ def saturated(registered: RegisteredImage) -> NDArray[np.bool_]:
     fraction = cv2.blur(white, (width_px, width_px))
     depth_mm = float(registered.camera_from_guide.translation_mm[2])
     reach_px = WIRE_VISIBILITY.beside_saturated_mm * calibration.camera.focal_length_px / depth_mm
-    return _dilated(fraction > WIRE_VISIBILITY.saturated_fraction, int(np.ceil(reach_px)))
-
-
-def _dilated(mask: NDArray[np.bool_], reach_px: int) -> NDArray[np.bool_]:
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach_px + 1, 2 * reach_px + 1))
-    return np.asarray(cv2.dilate(mask.astype(np.uint8), kernel) > 0)
+    return widened(fraction > WIRE_VISIBILITY.saturated_fraction, int(np.ceil(reach_px)))
 
 
 def shown_pixels(calibration: CArmCalibration) -> NDArray[np.bool_]:

@@ -57,11 +57,6 @@ class JointRegistration:
             raise ValueError(f"expected a covariance of shape ({size}, {size}), got {self.covariance.shape}")
         object.__setattr__(self, "covariance", read_only(self.covariance))
 
-    @property
-    def nail_covariance(self) -> NDArray[np.float64]:
-        """Of `guide_from_nail`, shape (6, 6)."""
-        return self.covariance[-6:, -6:]
-
     def camera_from_nail(self, image: int) -> Transform[Camera, Nail]:
         """The nail's pose in one image."""
         return self.images[image].camera_from_guide @ self.guide_from_nail

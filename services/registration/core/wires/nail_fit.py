@@ -41,7 +41,7 @@ from services.registration.core.wires.image import RegisteredImage, discs_mask, 
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import angle_between_rad, unit
-from shared.geometry.parts import GuidePart, Hole, NailPart
+from shared.geometry.parts import GuidePart, Hole, NailPart, mean_hole_direction
 from shared.geometry.transform import Transform
 
 
@@ -105,7 +105,7 @@ def locate_nail_near_guide_axes(
     ]
     depth_mm = calibration.camera.focal_length_px / (best.px_per_mm * image.step_px)
     rays = calibration.camera.rays(np.array(centres_px))
-    drilling, distal = camera_from_guide.directions(np.stack([_drilling(guide), [1.0, 0.0, 0.0]]))
+    drilling, distal = camera_from_guide.directions(np.stack([mean_hole_direction(guide), [1.0, 0.0, 0.0]]))
     return Accepted(camera_from_nail_facing(nail, rays, drilling, distal, depth_mm))
 
 
@@ -153,10 +153,8 @@ def _centre_ideal_px(
     calibration = registered.calibration
     ideal = image.ideal_px(place_search_px)
     px_per_mm = pattern.px_per_mm * image.step_px
-    radius_px, half_slot_px = (
-        0.5 * hole.diameter_mm * px_per_mm,
-        hole.half_slot_mm * px_per_mm * pattern.strip.band.along,
-    )
+    radius_px = 0.5 * hole.diameter_mm * px_per_mm
+    half_slot_px = hole.half_slot_mm * px_per_mm * pattern.strip.band.along
     centre_px = calibration.distortion.distort(ideal)
     opening = measure_opening(registered.pixels, calibration, hole.id, centre_px, radius_px, half_slot_px)
     if opening is None or not SEARCHED_OUTLINE.is_met(opening.seen_fraction):
@@ -264,11 +262,6 @@ def no_holes_reasons(images: tuple[LocalisedImage, ...], parts: Parts) -> tuple[
 
 def guide_tilt_deg(guide: GuideFit, parts: Parts) -> float:
     """Angle between the mean direction of the guide's holes and the ray to about where they meet the nail."""
-    drilling = _drilling(parts.guide)
+    drilling = mean_hole_direction(parts.guide)
     ray = unit(guide.camera_from_guide @ (NAIL_WITH_WIRES.guide_to_nail_mm * drilling))
     return float(np.degrees(angle_between_rad(guide.camera_from_guide.directions(drilling), ray)))
-
-
-def _drilling(guide: GuidePart) -> NDArray[np.float64]:
-    """Mean direction of the guide's holes, unit, shape (3,)."""
-    return unit(np.sum([hole.axis.direction for hole in guide.holes], axis=0))

@@ -32,7 +32,10 @@ from services.registration.core.wires.nail_outline import locate_guide_given_nai
 from shared.errors import Reason, Rejected
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.lines import Line, unit
+from shared.geometry.parts import Hole
 from shared.geometry.transform import Transform
+
+Images = tuple[LocalisedImage, ...]
 
 # Step of a one-sided difference: well above rounding, and small beside the distances over which offsets bend.
 _DERIVATIVE_STEP_MM = 1e-4
@@ -83,9 +86,7 @@ class JointResult:
     used: tuple[str, ...]  # names of the images that are in it
 
 
-def verify_images(
-    images: tuple[LocalisedImage, ...], earlier: tuple[LocalisedImage, ...], parts: Parts, wire_diameter_mm: float
-) -> WireVerification:
+def verify_images(images: Images, earlier: Images, parts: Parts, wire_diameter_mm: float) -> WireVerification:
     """Verify the wires in one image or more; an unused image gives its reasons when the others do not suffice.
 
     Earlier images are of the same position of the guide, from before the wires, in the order in which they were taken.
@@ -94,49 +95,37 @@ def verify_images(
     return verify_relocalised(relocalised, earlier, parts, wire_diameter_mm)
 
 
-def verify_guide_alone(
-    images: tuple[LocalisedImage, ...], earlier: tuple[LocalisedImage, ...], parts: Parts
-) -> WireVerification:
+def verify_guide_alone(images: Images, earlier: Images, parts: Parts) -> WireVerification:
     """Verify the guide's own holes, without wires, in images as they were localised."""
-    joint = estimate_jointly(images, earlier, parts)
-    if joint.estimate is None:
-        return WireVerification(joint.reasons, (), ())
-    verified = verify_guide_holes(joint.estimate, parts)
-    reasons = verified.reasons
-    if reasons and len(joint.used) < len(images):
-        reasons += joint.reasons
-    return replace(verified, reasons=reasons, images_used=joint.used)
+    return verify_relocalised(images, earlier, parts, None)
 
 
 def verify_guide_holes(estimate: JointRegistration, parts: Parts) -> WireVerification:
     """Compare the guide's own holes with the nail's, as all images together show them."""
-    in_guide = {hole.id: hole for hole in parts.guide.holes}
-    compared = tuple(
-        _compare_guide_hole(in_guide[one.hole.id].axis, one.hole, one.by_curvature_mm2)
-        for one in _shared_holes(estimate, parts)
-    )
+    compared = tuple(_compare_guide_hole(one) for one in _shared_holes(estimate, parts))
     if not compared:
         return WireVerification((NO_SHARED_HOLE.reason(),), (), ())
     return WireVerification(tuple(reason for one in compared for reason in _guide_too_uncertain(one)), (), compared)
 
 
 def verify_relocalised(
-    images: tuple[LocalisedImage, ...], earlier: tuple[LocalisedImage, ...], parts: Parts, wire_diameter_mm: float
+    images: Images, earlier: Images, parts: Parts, wire_diameter_mm: float | None
 ) -> WireVerification:
-    """The same for images that were localised with the wires modelled (`relocalise_with_wires`)."""
+    """The same for images localised with the wires modelled (`relocalise_with_wires`); of None no wires are sought."""
     joint = estimate_jointly(images, earlier, parts)
     if joint.estimate is None:
         return WireVerification(joint.reasons, (), ())
-    verified = verify_wires(joint.estimate, parts, wire_diameter_mm)
+    if wire_diameter_mm is None:
+        verified = verify_guide_holes(joint.estimate, parts)
+    else:
+        verified = verify_wires(joint.estimate, parts, wire_diameter_mm)
     reasons = verified.reasons
     if reasons and len(joint.used) < len(images):
         reasons += joint.reasons
     return replace(verified, reasons=reasons, images_used=joint.used)
 
 
-def estimate_jointly(
-    images: tuple[LocalisedImage, ...], earlier: tuple[LocalisedImage, ...], parts: Parts
-) -> JointResult:
+def estimate_jointly(images: Images, earlier: Images, parts: Parts) -> JointResult:
     """Estimate the poses of guide and nail from images with wires, and earlier ones without."""
     all_images = (*earlier, *images)
     evidence = {id(one): found for one in all_images if (found := usable_estimate(one, parts)) is not None}
@@ -166,7 +155,7 @@ def estimate_jointly(
 
 
 def _registered_images(
-    images: tuple[LocalisedImage, ...], parts: Parts, guide_from_nail: Transform[Guide, Nail]
+    images: Images, parts: Parts, guide_from_nail: Transform[Guide, Nail]
 ) -> tuple[tuple[tuple[LocalisedImage, RegisteredImage], ...], tuple[Reason, ...]]:
     """The images with their guide, and why it was not found in the others.
 
@@ -194,26 +183,22 @@ def _registered_images(
 def verify_wires(estimate: JointRegistration, parts: Parts, wire_diameter_mm: float) -> WireVerification:
     """Fit the wires in one image or more and compare them with the nail's holes."""
     guide, nail = parts.guide, parts.nail.bent(estimate.curvature_per_m)
-    in_guide = {hole.id: hole for hole in guide.holes}
     shared = _shared_holes(estimate, parts)
     if not shared:
         return WireVerification((NO_SHARED_HOLE.reason(),), (), ())
     gradients = tuple(gradient_image(image, guide, nail, estimate.guide_from_nail) for image in estimate.images)
     reasons: list[Reason] = []
     wires: list[AxisComparison] = []
-    guide_holes: list[AxisComparison] = []
     for one in shared:
-        hole, by_nail, by_curvature_mm2 = one.hole, one.by_nail, one.by_curvature_mm2
-        guide_holes.append(_compare_guide_hole(in_guide[hole.id].axis, hole, by_curvature_mm2))
         fit = detect_wire(
-            gradients, guide, in_guide[hole.id], nail, estimate.guide_from_nail, estimate.covariance, wire_diameter_mm
+            gradients, guide, one.in_guide, nail, estimate.guide_from_nail, estimate.covariance, wire_diameter_mm
         )
         if isinstance(fit, Reason):
             reasons.append(fit)
             continue
-        wires.append(compare_wire(fit, hole, by_nail[:, :6], by_curvature_mm2))
+        wires.append(compare_wire(fit, one.hole, one.by_nail[:, :6], one.by_curvature_mm2))
         reasons.extend(_too_uncertain(wires[-1], len(gradients)))
-    return WireVerification(tuple(reasons), tuple(wires), tuple(guide_holes))
+    return WireVerification(tuple(reasons), tuple(wires), tuple(_compare_guide_hole(one) for one in shared))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -221,20 +206,22 @@ class _SharedHole:
     """A hole of the nail that the guide has too, and how its offsets depend on the nail's pose and curvature."""
 
     hole: HoleEstimate
+    in_guide: Hole
     by_nail: NDArray[np.float64]  # shape (4, 8)
     by_curvature_mm2: NDArray[np.float64]  # shape (4, 4)
 
 
 def _shared_holes(estimate: JointRegistration, parts: Parts) -> tuple[_SharedHole, ...]:
     nail = parts.nail.bent(estimate.curvature_per_m)
-    of_pose = np.pad(estimate.nail_covariance, (0, 2))
+    of_pose = np.pad(estimate.covariance[-6:, -6:], (0, 2))
     found = holes_at(nail, parts.drill_diameter_mm, estimate.guide_from_nail, of_pose, estimate.camera_from_nail(0))
-    in_guide = {hole.id for hole in parts.guide.holes}
+    in_guide = {hole.id: hole for hole in parts.guide.holes}
     shared = []
     for hole in found:
         if hole.id in in_guide:
             by_nail = offsets_by_motion(nail, hole.id, estimate.guide_from_nail)
-            shared.append(_SharedHole(hole, by_nail, _by_curvature_mm2(by_nail, estimate.covariance_with_bend)))
+            by_curvature_mm2 = _by_curvature_mm2(by_nail, estimate.covariance_with_bend)
+            shared.append(_SharedHole(hole, in_guide[hole.id], by_nail, by_curvature_mm2))
     return tuple(shared)
 
 
@@ -286,10 +273,11 @@ def _moved_hole(hole: HoleEstimate, across_mm: NDArray[np.float64]) -> HoleEstim
     )
 
 
-def _compare_guide_hole(axis_guide: Line, hole: HoleEstimate, by_curvature_mm2: NDArray[np.float64]) -> AxisComparison:
+def _compare_guide_hole(shared: _SharedHole) -> AxisComparison:
+    hole, axis_guide = shared.hole, shared.in_guide.axis
     assert hole.offset is not None  # `verify_wires` gives the holes a covariance
     mean_mm = axis_offset_mm(hole.axis_guide, axis_guide, hole.entry_guide_mm, hole.exit_guide_mm)
-    covariance = hole.offset.covariance_mm2 + by_curvature_mm2
+    covariance = hole.offset.covariance_mm2 + shared.by_curvature_mm2
     return AxisComparison(hole, axis_guide, AxisOffset(mean_mm, covariance, hole.offset.length_mm))
 
 

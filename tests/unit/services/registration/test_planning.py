@@ -57,7 +57,7 @@ def frame(
         software_version="0",
     )
     received = ReceivedFrame(header(image.name), image.pixels, "registration-1.1", None)
-    return LocalisedFrame(received, case_of(PARTS), record, image.calibration, image.result)
+    return LocalisedFrame(received, case_of(PARTS), record, replace(image, name=record.image.sha256[:12]))
 
 
 def asked(newest: LocalisedFrame, *earlier: LocalisedFrame, knows: tuple[LocalisedFrame, ...] | None = None) -> object:
@@ -87,7 +87,7 @@ def planned(answer: object) -> PlanAxes:
 def test_one_image_is_planned_from_as_it_is() -> None:
     newest = frame(localised("a"))
     axes = planned(asked(newest))
-    assert axes.holes is newest.result.holes
+    assert axes.holes is newest.image.result.holes
     assert axes.fusion is None
 
 

@@ -98,7 +98,8 @@ def test_pixels_of_the_newest_image_belong_to_the_epoch_that_its_announcement_be
 
 def test_a_head_that_no_image_shows_is_not_taken_to_be_right() -> None:
     seen = frame(localised("a"))
-    without_nail = replace(frame(localised("b")), result=replace(seen.result, nail=None, holes=None))
+    image = localised("b")
+    without_nail = frame(replace(image, result=replace(seen.image.result, nail=None, holes=None)))
     refused = head_trouble(without_nail, knowing(without_nail))
     assert refused is not None
     assert refused.code is HeadTrouble.NOT_SEEN

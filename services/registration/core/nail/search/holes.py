@@ -78,11 +78,8 @@ def straighten_band(image: SearchImage, band: Band) -> StraightenedBand:
     along = (corners - band.centre_px) @ band.along
     half_rows = int(np.ceil(NAIL_HOLE_SEARCH.band_half_height * band.width_px))
     columns, rows = np.arange(np.floor(along.min()), np.ceil(along.max()) + 1), np.arange(-half_rows, half_rows + 1)
-    points = (
-        band.centre_px
-        + columns[None, :, None] * band.along[None, None, :]
-        + rows[:, None, None] * band.across[None, None, :]
-    ).astype(np.float32)
+    points = band.centre_px + columns[None, :, None] * band.along + rows[:, None, None] * band.across
+    points = points.astype(np.float32)
     grey = cv2.remap(image.grey, points[..., 0], points[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     valid = cv2.remap(image.valid.astype(np.uint8), points[..., 0], points[..., 1], cv2.INTER_NEAREST) > 0
     used = np.flatnonzero(valid[half_rows])

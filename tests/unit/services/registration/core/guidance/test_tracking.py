@@ -208,7 +208,7 @@ def test_the_mirrored_tilt_is_compared_whatever_the_fit_weighed_less() -> None:
     seen = still()
     balls = Occluders(PlacedGuide(PARTS.guide, CAMERA_FROM_GUIDE), PARTS.ring)
     given = FitInput(seen.pixels, seen.calibration, PARTS.nail, balls)
-    followed = track_nail(given, track.reference.appearance, CAMERA_FROM_NAIL)
+    followed = track_nail(given, track.appearance, CAMERA_FROM_NAIL)
     assert isinstance(followed, Accepted), followed
     found = followed.value
     dismissive = replace(found.problem, weight=1e-3 * found.problem.weight)

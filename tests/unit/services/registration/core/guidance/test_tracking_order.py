@@ -11,7 +11,6 @@ from services.registration.core.guidance.tracking import (
     Margin,
     NumberedFrame,
     Origin,
-    Reference,
     Run,
     Track,
 )
@@ -33,8 +32,8 @@ def guide_at(x_mm: float) -> Transform[Camera, Guide]:
 
 def track(x_mm: float = 0.0) -> Track:
     nail: Transform[Guide, Nail] = Transform.identity()
-    reference = Reference(PoseEstimate.of(nail, np.eye(6)), NailAppearance(np.zeros(4), np.eye(6), 1.0, 1.2))
-    return Track(reference, guide_at(x_mm), Margin(None, 0), 0)
+    appearance = NailAppearance(np.zeros(4), np.eye(6), 1.0, 1.2)
+    return Track(PoseEstimate.of(nail, np.eye(6)), appearance, guide_at(x_mm), Margin(None, 0), 0)
 
 
 def estimate(origin: Origin, tilts_deg: tuple[float, float] | None, x_mm: float = 0.0) -> FrameEstimate:
@@ -107,7 +106,7 @@ def test_a_frame_tracked_during_a_check_moves_the_guide_of_the_new_track() -> No
     run.add_localised(FIRST, localised(LEVEL), new)
     assert run.add_tracked(SECOND, start, tracked(LEVEL, 2.0), track(2.0))
     assert run.track is not None
-    assert run.track.reference is new.reference
+    assert (run.track.guide_from_nail, run.track.appearance) == (new.guide_from_nail, new.appearance)
     assert run.track.camera_from_guide.translation_mm == pytest.approx(guide_at(2.0).translation_mm)
 
 
