@@ -73,15 +73,15 @@ def calibrate_image(
         The calibration in pixels of the un-mirrored image, or the reasons why there is none.
     """
     pixels = np.ascontiguousarray(pixels, dtype=np.float32)
-    area = find_usable_area(pixels)
+    filled = fill_dead_pixels(pixels).pixels
+    area = find_usable_area(filled)  # a black row or column would part the field in two
     if (unusable := unusable_reason(pixels, area.mask)) is not None:
         return Rejected((unusable,))
-    pixels = fill_dead_pixels(pixels).pixels
-    found = find_ring(pixels, area, ring, nominal)
+    found = find_ring(filled, area, ring, nominal)
     if isinstance(found, Rejected):
         return found
-    discs = upright_discs(found, pixels.shape[1])
-    image = upright_image(pixels, area, found.identity, discs, nominal.pixel_mm)
+    discs = upright_discs(found, filled.shape[1])
+    image = upright_image(filled, area, found.identity, discs, nominal.pixel_mm)
     predicted = _predicted(image, discs, ring, nominal)
     settings = settings_of_places(predicted.deviation_px, nominal.pixel_mm)
     return calibrate_there(image, predicted.balls, settings, ring, nominal, predicted.start)

@@ -183,6 +183,18 @@ def test_burnt_in_text_and_the_apertures_border_are_no_balls(grey: float) -> Non
     assert np.abs(source_error_mm(outcome.value, rendered)).max() < 1.0
 
 
+@pytest.mark.parametrize("line", [np.s_[424], np.s_[:, 600]], ids=["row", "column"])
+def test_a_black_line_across_the_aperture_does_not_part_it(line: tuple[slice | int, ...]) -> None:
+    rendered = render(Scene(seed=18), default_ring())
+    pixels = rendered.pixels.copy()
+    pixels[line] = 0.0
+    outcome = calibrate_image(pixels, default_ring(), NominalGeometry())
+    assert isinstance(outcome, Accepted)
+    assert outcome.value.aperture is not None
+    assert outcome.value.balls_found >= 0.85 * np.count_nonzero(rendered.present)
+    assert np.abs(source_error_mm(outcome.value, rendered)).max() < 1.0
+
+
 def test_the_search_for_balls_widens_where_the_discs_predict_them_badly(monkeypatch: pytest.MonkeyPatch) -> None:
     drifts: list[NDArray[np.float64]] = []
     measure = UprightImage.measure
