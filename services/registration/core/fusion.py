@@ -32,7 +32,7 @@ Estimates = tuple[PoseEstimate[Guide, Nail], ...]
 _USABLE_THOUGH = frozenset({ReasonCode.UNCERTAINTY_TOO_LARGE})
 # Chi-square is a parabola in a shift of all images; any step finds it.
 _STEP_MM = 1.0
-# Guard: nobody builds a guide further off than this share; images from nearly one direction would say so of any move.
+# Guard: nobody builds a guide further off than this share; images from nearly one direction would fit any move.
 _LARGEST_EXCESS = 0.1
 # Radii that separate one nail from another, by the names that people give them.
 _RADII = {
@@ -279,7 +279,7 @@ def _scale_that_agrees(estimates: Estimates, camera_from_nail: Transform[Camera,
 
     A guide that is larger and farther away by the same share looks the same. The nail's depth follows from the nail's
     own file, so that its distance from the guide is wrong along the ray: by as much in every image, but along another
-    ray. `camera_from_nail`, in any of the images, says how far away guide and nail were.
+    ray. `camera_from_nail`, in any of the images, gives the distance of guide and nail.
     """
     less, none, more = (fuse(_nearer(estimates, step_mm)) for step_mm in (-_STEP_MM, 0.0, _STEP_MM))
     curvature = less.chi_square - 2.0 * none.chi_square + more.chi_square
