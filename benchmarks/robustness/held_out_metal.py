@@ -41,7 +41,7 @@ def skin_staples(around: Around, generator: np.random.Generator) -> tuple[Object
 
 
 def fixator_pins(around: Around, generator: np.random.Generator) -> tuple[Objects, Drawn]:
-    """Two pins of 4 to 6 mm of an external fixator, whose shadows pass the hole at 1.5 to 6 radii."""
+    """Two pins of 4 to 6 mm of an external fixator; the shadow of the nearer one passes the hole at 1.5 to 6 radii."""
     diameter_mm, turn = float(generator.uniform(4.0, 6.0)), float(generator.uniform(0.0, 2.0 * np.pi))
     offset_mm, apart_mm = around.rim_mm * float(generator.uniform(1.5, 6.0)), float(generator.uniform(15.0, 40.0))
     lean = float(generator.uniform(-0.9, 0.9))

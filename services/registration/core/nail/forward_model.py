@@ -115,7 +115,7 @@ def model_at(
 def reduced_model(
     fit_input: FitInput, camera_from_nail: Transform[Camera, Nail], stage: StageSettings, hole_width_px: float
 ) -> ForwardModel | None:
-    """The same in pixels so large that the smallest hole is about so many wide."""
+    """The same, reduced until the smallest hole is about so many pixels wide, and at least as the tilt search is."""
     px_per_mm = fit_input.calibration.camera.focal_length_px / float(camera_from_nail.translation_mm[2])
     smallest_mm = min(hole.diameter_mm for hole in fit_input.nail.holes)
     reduction = max(TILT_SEARCH_STAGE.least_reduction, round(smallest_mm * px_per_mm / hole_width_px))
