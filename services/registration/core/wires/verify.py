@@ -111,7 +111,7 @@ def verify_guide_holes(estimate: JointRegistration, parts: Parts) -> WireVerific
 def verify_relocalised(
     images: Images, earlier: Images, parts: Parts, wire_diameter_mm: float | None
 ) -> WireVerification:
-    """The same for images localised with the wires modelled (`relocalise_with_wires`); without a diameter none is sought."""
+    """The same for images localised with the wires modelled; without a diameter no wires are sought."""
     joint = estimate_jointly(images, earlier, parts)
     if joint.estimate is None:
         return WireVerification(joint.reasons, (), ())
