@@ -1,6 +1,7 @@
 """A robot service without a bus, to be killed: ``python -m tests.contract.controller.guarded_drive URL``.
 
-Drive, driver and guardian are the product's. It makes the robot ready, begins to move, and says so.
+Drive, driver and guardian are the product's. It makes the robot ready, begins to move, again
+whenever a deadline stopped the move, and prints a line once it moves.
 """
 
 import sys
@@ -19,6 +20,7 @@ from shared.robot_states import MotionState
 from tests.contract.controller.lines import FAR, HEXAPOD, wait_until
 
 RETRY_S = 0.1
+SPEED_MM_PER_S = 2.0
 
 
 def main(url: str) -> None:
@@ -47,7 +49,7 @@ def is_moving(drive: Drive) -> bool:
             drive.acknowledge_stop()
         case MotionState.UNREFERENCED:
             drive.begin_reference("reference")
-        case MotionState.LOCKED if status.outcome == "reached":
+        case MotionState.LOCKED:
             drive.begin_move("move", permit)
         case _:
             pass
@@ -55,9 +57,12 @@ def is_moving(drive: Drive) -> bool:
     return status.state is MotionState.MOVING and feedback is not None and feedback.moving
 
 
-def permit(_: DriveStatus) -> PermittedMove:
-    """The whole way, at 2 mm/s."""
-    return PermittedMove("a" * 64, ZERO_POSE, FAR, 2.0, 3.0)
+def permit(status: DriveStatus) -> PermittedMove:
+    """Three seconds' way: from wherever a busy machine, whose deadlines stop a move, left the robot."""
+    start = ZERO_POSE if status.feedback is None else status.feedback.pose
+    target = FAR if start.x_mm < FAR.x_mm / 2.0 else ZERO_POSE
+    duration_s = abs(target.x_mm - start.x_mm) / SPEED_MM_PER_S
+    return PermittedMove("a" * 64, start, target, SPEED_MM_PER_S, duration_s)
 
 
 if __name__ == "__main__":
