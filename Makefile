@@ -32,7 +32,7 @@ help:
 	@echo "make unit    unit tests; of one file or folder with T=tests/unit/..."
 	@echo "make attacks  tries to get past the controls of a running system, and rewrites docs/attacks.md"
 	@echo "make fuzz     generated requests as each role against a running system, and rewrites docs/benchmarks/rest-fuzz.md"
-	@echo "make examples  records the examples of openapi.json anew from a simulation"
+	@echo "make examples  records new and changed examples of openapi.json from a simulation (all: ARGS=--all)"
 	@echo "make model-check  every order of events between robot service and gateway, and what each seeded mutation breaks"
 	@echo "make mutation  which changes of the safety modules the unit tests notice; one module with M=guard"
 	@echo "make faults  every fault at every step of the procedure; a tenth of them with ARGS=\"--tenth --seed 1\""
@@ -117,7 +117,7 @@ fuzz: $(COMPILED)
 	nice -n 10 $(BIN)/python -m tests.fuzz $(ARGS)
 
 examples: $(COMPILED)
-	$(BIN)/python -m tools.examples
+	$(BIN)/python -m tools.examples $(ARGS)
 	$(BIN)/python -m tools.generate
 
 model-check: $(COMPILED)

@@ -112,7 +112,7 @@ class AsyncMethods(ABC):
         return await self.send(calls.change_case(case_id, body, if_match=if_match))
 
     async def read_case_part(self, case_id: str, kind: Literal["ring", "guide", "nail", "hexapod"]) -> bytes:
-        """A part file as the case uses it, byte for byte: own files and calibrations too."""
+        """The ring, guide, nail or hexapod file as the case uses it, byte for byte: own files and calibrations too."""
         return await self.send(calls.read_case_part(case_id, kind))
 
     async def record_step(
@@ -195,7 +195,7 @@ class AsyncMethods(ABC):
     async def read_png(
         self, image_id: str, *, view: Literal["raw", "corrected", "overlay"] = "raw", width: int | None = None
     ) -> bytes:
-        """The image for people: as received, without distortion, or with what was found drawn on it."""
+        """The image for people: as received, without distortion (`?view=corrected`), or with what was found (`overlay`)."""
         return await self.send(calls.read_png(image_id, view=view, width=width))
 
     async def read_image(self, image_id: str) -> ImageView:
@@ -301,7 +301,7 @@ class AsyncMethods(ABC):
         if_match: str | None = None,
         idempotency_key: str | None = None,
     ) -> ApprovalView:
-        """Approve exactly the plan that was read, with the credential once more."""
+        """Approve exactly the plan that was read, as a surgeon, with the credential once more."""
         return await self.send(
             calls.approve_plan(case_id, number, body, if_match=if_match, idempotency_key=idempotency_key)
         )
@@ -313,7 +313,7 @@ class AsyncMethods(ABC):
     async def begin_motion(
         self, case_id: str, body: MotionBody, *, if_match: str | None = None, idempotency_key: str | None = None
     ) -> OperationView:
-        """Begin the motion of an approved plan; the operation tells how it ends."""
+        """Begin the move to an approved plan's target; its operation reports how it ends."""
         return await self.send(calls.begin_motion(case_id, body, if_match=if_match, idempotency_key=idempotency_key))
 
     async def list_operations(
@@ -459,11 +459,11 @@ class AsyncMethods(ABC):
         return await self.send(calls.reference_robot(idempotency_key=idempotency_key))
 
     async def acknowledge_stop(self, *, idempotency_key: str | None = None) -> OperationView:
-        """Acknowledge a stop, as a person who has looked."""
+        """Release a stop, as a person who has looked."""
         return await self.send(calls.acknowledge_stop(idempotency_key=idempotency_key))
 
     async def reset_robot(self, *, idempotency_key: str | None = None) -> OperationView:
-        """Leave a fault."""
+        """Leave a fault by connecting anew, after a person has seen to it; the robot is `stopped` then."""
         return await self.send(calls.reset_robot(idempotency_key=idempotency_key))
 
     async def read_alarms(self) -> AlarmsView:

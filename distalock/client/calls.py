@@ -95,7 +95,7 @@ def change_case(case_id: str, body: CasePatch = CasePatch(), *, if_match: str | 
 
 
 def read_case_part(case_id: str, kind: Literal["ring", "guide", "nail", "hexapod"]) -> Call[bytes]:
-    """A part file as the case uses it, byte for byte: own files and calibrations too."""
+    """The ring, guide, nail or hexapod file as the case uses it, byte for byte: own files and calibrations too."""
     return Call("GET", f"/api/v1/cases/{escaped(case_id)}/parts/{kind}", bytes)
 
 
@@ -167,7 +167,7 @@ def read_dicom(image_id: str) -> Call[bytes]:
 def read_png(
     image_id: str, *, view: Literal["raw", "corrected", "overlay"] = "raw", width: int | None = None
 ) -> Call[bytes]:
-    """The image for people: as received, without distortion, or with what was found drawn on it."""
+    """The image for people: as received, without distortion (`?view=corrected`), or with what was found (`overlay`)."""
     return Call("GET", f"/api/v1/images/{escaped(image_id)}.png", bytes, query=query(("view", view), ("width", width)))
 
 
@@ -254,7 +254,7 @@ def approve_plan(
     if_match: str | None = None,
     idempotency_key: str | None = None,
 ) -> Call[ApprovalView]:
-    """Approve exactly the plan that was read, with the credential once more."""
+    """Approve exactly the plan that was read, as a surgeon, with the credential once more."""
     return Call(
         "POST",
         f"/api/v1/cases/{escaped(case_id)}/plans/{number}/approval",
@@ -274,7 +274,7 @@ def withdraw_approval(case_id: str, number: int) -> Call[PlanView]:
 def begin_motion(
     case_id: str, body: MotionBody, *, if_match: str | None = None, idempotency_key: str | None = None
 ) -> Call[OperationView]:
-    """Begin the motion of an approved plan; the operation tells how it ends."""
+    """Begin the move to an approved plan's target; its operation reports how it ends."""
     return Call(
         "POST",
         f"/api/v1/cases/{escaped(case_id)}/motions",
@@ -426,12 +426,12 @@ def reference_robot(*, idempotency_key: str | None = None) -> Call[OperationView
 
 
 def acknowledge_stop(*, idempotency_key: str | None = None) -> Call[OperationView]:
-    """Acknowledge a stop, as a person who has looked."""
+    """Release a stop, as a person who has looked."""
     return Call("POST", "/api/v1/robot/acknowledge-stop", OperationView, key=idempotency_key or new_key())
 
 
 def reset_robot(*, idempotency_key: str | None = None) -> Call[OperationView]:
-    """Leave a fault."""
+    """Leave a fault by connecting anew, after a person has seen to it; the robot is `stopped` then."""
     return Call("POST", "/api/v1/robot/reset", OperationView, key=idempotency_key or new_key())
 
 

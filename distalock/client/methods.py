@@ -109,7 +109,7 @@ class Methods(ABC):
         return self.send(calls.change_case(case_id, body, if_match=if_match))
 
     def read_case_part(self, case_id: str, kind: Literal["ring", "guide", "nail", "hexapod"]) -> bytes:
-        """A part file as the case uses it, byte for byte: own files and calibrations too."""
+        """The ring, guide, nail or hexapod file as the case uses it, byte for byte: own files and calibrations too."""
         return self.send(calls.read_case_part(case_id, kind))
 
     def record_step(
@@ -189,7 +189,7 @@ class Methods(ABC):
     def read_png(
         self, image_id: str, *, view: Literal["raw", "corrected", "overlay"] = "raw", width: int | None = None
     ) -> bytes:
-        """The image for people: as received, without distortion, or with what was found drawn on it."""
+        """The image for people: as received, without distortion (`?view=corrected`), or with what was found (`overlay`)."""
         return self.send(calls.read_png(image_id, view=view, width=width))
 
     def read_image(self, image_id: str) -> ImageView:
@@ -287,7 +287,7 @@ class Methods(ABC):
         if_match: str | None = None,
         idempotency_key: str | None = None,
     ) -> ApprovalView:
-        """Approve exactly the plan that was read, with the credential once more."""
+        """Approve exactly the plan that was read, as a surgeon, with the credential once more."""
         return self.send(calls.approve_plan(case_id, number, body, if_match=if_match, idempotency_key=idempotency_key))
 
     def withdraw_approval(self, case_id: str, number: int) -> PlanView:
@@ -297,7 +297,7 @@ class Methods(ABC):
     def begin_motion(
         self, case_id: str, body: MotionBody, *, if_match: str | None = None, idempotency_key: str | None = None
     ) -> OperationView:
-        """Begin the motion of an approved plan; the operation tells how it ends."""
+        """Begin the move to an approved plan's target; its operation reports how it ends."""
         return self.send(calls.begin_motion(case_id, body, if_match=if_match, idempotency_key=idempotency_key))
 
     def list_operations(
@@ -430,11 +430,11 @@ class Methods(ABC):
         return self.send(calls.reference_robot(idempotency_key=idempotency_key))
 
     def acknowledge_stop(self, *, idempotency_key: str | None = None) -> OperationView:
-        """Acknowledge a stop, as a person who has looked."""
+        """Release a stop, as a person who has looked."""
         return self.send(calls.acknowledge_stop(idempotency_key=idempotency_key))
 
     def reset_robot(self, *, idempotency_key: str | None = None) -> OperationView:
-        """Leave a fault."""
+        """Leave a fault by connecting anew, after a person has seen to it; the robot is `stopped` then."""
         return self.send(calls.reset_robot(idempotency_key=idempotency_key))
 
     def read_alarms(self) -> AlarmsView:

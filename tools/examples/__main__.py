@@ -1,5 +1,9 @@
-"""Record the examples anew, from a simulation on this machine: `make examples`; minutes."""
+"""Record the examples anew, from a simulation on this machine: `make examples`; minutes.
 
+An example stays as it is while its shape does; `--all` replaces every one.
+"""
+
+import argparse
 import json
 import sys
 import tempfile
@@ -15,6 +19,7 @@ from distalock.rest_client import RestClient
 from distalock.room_client import RoomClient
 from services.ui_api.api_document.examples import EXAMPLES
 from services.ui_api.app import openapi_document, routed_app
+from tools.examples.kept import with_changed
 from tools.examples.procedure import Recording
 from tools.examples.recorder import Recorder
 
@@ -23,6 +28,9 @@ _SEED = 2
 
 def main() -> int:
     """Start a simulation, lead a case, and write what was answered."""
+    parser = argparse.ArgumentParser(prog="python -m tools.examples", description="record the examples of the API")
+    parser.add_argument("--all", action="store_true", help="replace every example, not those alone whose shape changed")
+    before = {} if parser.parse_args().all else json.loads(EXAMPLES.read_text(encoding="utf-8"))
     recorder = Recorder(openapi_document(routed_app()))
     with tempfile.TemporaryDirectory() as folder:
         installation = Installation(Ports.any_free(), Path(folder), scenario_arguments=("--seed", str(_SEED)))
@@ -40,12 +48,10 @@ def main() -> int:
             case.follow(recorded.reference_robot())
             case.record_step("abandoned", why="the next one is recorded")
             Recording(recorder, recorded, plain, room).run()
-    names = sorted(recorder.examples)
-    EXAMPLES.write_text(
-        json.dumps({name: recorder.examples[name] for name in names}, indent=1, ensure_ascii=False) + "\n",
-        encoding="utf-8",
-    )
-    print(f"{len(names)} examples in {EXAMPLES}")
+    examples = with_changed(before, recorder.examples)
+    replaced = [name for name in examples if examples[name] != before.get(name)]
+    EXAMPLES.write_text(json.dumps(examples, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    print(f"{len(examples)} examples in {EXAMPLES}; recorded anew: {', '.join(replaced) or 'none'}")
     return 0
 
 

@@ -80,7 +80,7 @@ async def read_case(case_id: str, request: Request) -> Response:
 
 @router.get("/{case_id}/parts/{kind}", openapi_extra=needs(Action.READ))
 def read_case_part(case_id: str, kind: PartKind, gateway: TheGateway) -> Response:
-    """A part file as the case uses it, byte for byte: own files and calibrations too."""
+    """The ring, guide, nail or hexapod file as the case uses it, byte for byte: own files and calibrations too."""
     setup = gateway.cases.case(case_id).setup
     uses: Mapping[PartKind, PartUse] = {
         "ring": setup.ring,

@@ -75,7 +75,7 @@ def read_png(
     view: Annotated[PngView, Query(description="What to draw.")] = "raw",
     width: Width = None,
 ) -> Response:
-    """The image for people: as received, without distortion, or with what was found drawn on it."""
+    """The image for people: as received, without distortion (`?view=corrected`), or with what was found (`overlay`)."""
     images = gateway.images
     # Known before anything is drawn: what is drawn depends on these alone.
     etag = f'"{content_hash(repr((image_id, view, images.basis(image_id, view), width)).encode())}"'

@@ -30,7 +30,7 @@ def begin_motion(
     idempotency: TheIdempotency,
     user: TheUser,
 ) -> Response:
-    """Begin the motion of an approved plan; the operation tells how it ends."""
+    """Begin the move to an approved plan's target; its operation reports how it ends."""
 
     def act(unit: UnitOfWork) -> Answer:
         wanted = MotionRequest(body.plan, body.hold_to_move, user.name)

@@ -103,7 +103,7 @@ def approve_plan(
     idempotency: TheIdempotency,
     user: TheUser,
 ) -> Response:
-    """Approve exactly the plan that was read, with the credential once more."""
+    """Approve exactly the plan that was read, as a surgeon, with the credential once more."""
     asked = keyed(request, key, body, if_match)
     # a challenge is good once: the answer to a request that is sent again is remembered
     is_repeated = body.passkey is not None and idempotency.has_answered(asked)

@@ -81,7 +81,7 @@ def acknowledge_stop(
     user: TheUser,
     body: CommandBody = _ANONYMOUS,
 ) -> Response:
-    """Acknowledge a stop, as a person who has looked."""
+    """Release a stop, as a person who has looked."""
     return _begin(keyed(request, key, body), user, gateway, idempotency, "acknowledge_stop")
 
 
@@ -94,7 +94,7 @@ def reset_robot(
     user: TheUser,
     body: CommandBody = _ANONYMOUS,
 ) -> Response:
-    """Leave a fault."""
+    """Leave a fault by connecting anew, after a person has seen to it; the robot is `stopped` then."""
     return _begin(keyed(request, key, body), user, gateway, idempotency, "reset")
 
 

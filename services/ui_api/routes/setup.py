@@ -36,7 +36,7 @@ async def _sent_form(request: Request) -> FirstAccountBody:
 
 @router.get("", response_class=Response, responses=_HTML, openapi_extra=needs(Action.SIGN_IN))
 def show_setup_page(token: SetupToken, gateway: TheGateway) -> Response:
-    """The page for the first account."""
+    """The page for the first account, by its one-time link."""
     gateway.access.first_account.require(token)
     return _page(_form(token, ""))
 
