@@ -35,6 +35,7 @@ class NailEstimate:
     error_ratio: float = 1.0  # by which the errors of its rotation exceed what the image's noise explains
     curvature_per_m: tuple[float, float] = (0.0, 0.0)  # of a nail that is bent, towards its y and z
     hole_spread_mm: float = 0.0  # standard deviation of the holes' places about their file's, as the image shows it
+    display_turn_deg: float = 0.0  # standard error of its rotation by a display's curve that changes with the place
 
     @property
     def covariance(self) -> NDArray[np.float64] | None:
@@ -50,8 +51,15 @@ class NailEstimate:
     @staticmethod
     def of_fit(fit: NailFit) -> "NailEstimate":
         """What a fit to the pixels determines of the pose."""
-        seen, bend, spread_mm = fit.evidence, fit.curvature_per_m, fit.hole_spread_mm
-        return NailEstimate(fit.camera_from_nail, fit.errors, seen.mirror_margin, seen.error_ratio, bend, spread_mm)
+        return NailEstimate(
+            fit.camera_from_nail,
+            fit.errors,
+            fit.evidence.mirror_margin,
+            fit.evidence.error_ratio,
+            fit.curvature_per_m,
+            fit.hole_spread_mm,
+            fit.display_turn_deg,
+        )
 
 
 def guide_from_nail_of(

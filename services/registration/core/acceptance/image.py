@@ -99,6 +99,7 @@ class Departures:
     """What an image shows to be otherwise than the model and the part files have it, and makes axes uncertain."""
 
     error_ratio: float = 1.0  # of the nail's rotation, over what the noise explains
+    display_turn_deg: float = 0.0  # standard error of its rotation by a display's curve that changes with the place
     lag_px: float = 0.0  # how far the guide's balls reach to one side: earlier frames are in the image
     # Of balls and holes about their places in the files, as the image shows it
     guide_spread_mm: float = 0.0
@@ -109,6 +110,7 @@ class Departures:
         """Clause that names the cause other than noise, and what to do about it; empty where noise is the cause."""
         causes = (
             (_because_of_processing(self.error_ratio), PROCESSING.remedy),
+            (_because_of_the_display(self.display_turn_deg), PROCESSING.remedy),
             (_because_of_lag(self.lag_px), LAG_REMEDY),
             (because_of_the_guide(self.guide_spread_mm), MEASURE_THE_GUIDE),
             (because_of_the_ring(self.ring_spread_mm), MEASURE_THE_RING),
@@ -313,6 +315,12 @@ def _because_of_processing(error_ratio: float) -> str:
     if error_ratio <= MUCH_PROCESSED:
         return ""
     return f"; parts of the image disagree by {error_ratio:.1f} times what the noise explains"
+
+
+def _because_of_the_display(turn_deg: float) -> str:
+    if turn_deg <= 0.0:
+        return ""
+    return f"; local contrast differs from place to place, which leaves the nail's rotation uncertain by {turn_deg:.2f}°"
 
 
 def _because_of_lag(lag_px: float) -> str:

@@ -113,7 +113,8 @@ def _grown(fit_input: FitInput, found: ImageFit, fits: _Fits) -> NailFit:
     if motions:
         farthest = max(motions, key=lambda motion: float(np.linalg.norm(motion[:3])))
         growth = growth + np.outer(farthest, farthest)
-    return replace(found.fit, errors=found.fit.errors.with_more(growth))
+    turn_deg = float(np.degrees(np.sqrt(np.linalg.eigvalsh(growth[:3, :3]).max())))
+    return replace(found.fit, errors=found.fit.errors.with_more(growth), display_turn_deg=turn_deg)
 
 
 def _turn_by_curve_deg(fit_input: FitInput, found: ImageFit, first: ImageFit | Rejected) -> float:

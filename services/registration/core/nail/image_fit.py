@@ -61,6 +61,7 @@ class NailFit:
     evidence: FitEvidence
     curvature_per_m: tuple[float, float]  # of the centre line towards the nail's y and z; zero where none was found
     hole_spread_mm: float  # standard deviation of the holes' places about their file's (`spread_of_holes_mm`)
+    display_turn_deg: float = 0.0  # standard error of its rotation by a display's curve that changes with the place
 
 
 @dataclass(frozen=True, slots=True, eq=False)

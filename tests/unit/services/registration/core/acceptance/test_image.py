@@ -76,6 +76,14 @@ def test_uncertainty_by_processing_does_not_ask_for_dose() -> None:
     assert "dose" not in by_processing.message
 
 
+def test_uncertainty_by_a_curve_that_changes_with_the_place_does_not_ask_for_dose() -> None:
+    uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
+    (by_curve,) = localisation_reasons(replace(uncertain, departures=Departures(display_turn_deg=0.41)))
+    assert "leaves the nail's rotation uncertain by 0.41°" in by_curve.message
+    assert "switch off local contrast enhancement" in by_curve.message
+    assert "dose" not in by_curve.message
+
+
 def test_uncertainty_by_holes_beside_their_places_asks_for_the_nails_file() -> None:
     uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
     (as_filed,), (beside,) = (
