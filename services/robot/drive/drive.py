@@ -1,8 +1,8 @@
 """A robot behind a connection that may come and go: what others may ask of it.
 
-The table decides, under a lock that is held for milliseconds at most (`motion_controller`); the worker thread alone asks the
-controller questions (`worker`). A stop goes to the controller before anything else, from whatever thread it comes, and
-waits for neither.
+The table decides, under a lock that is held for milliseconds at most (`motion_controller`); the worker thread alone
+asks the controller questions (`worker`). A stop goes to the controller before anything else, from whatever thread it
+comes, and waits for neither.
 """
 
 from collections.abc import Callable

@@ -320,7 +320,7 @@ def _because_of_processing(error_ratio: float) -> str:
 def _because_of_the_display(turn_deg: float) -> str:
     if turn_deg <= 0.0:
         return ""
-    return f"; local contrast differs from place to place, which leaves the nail's rotation uncertain by {turn_deg:.2f}°"
+    return f"; local contrast differs from place to place, which may turn the nail by {turn_deg:.2f}° (rms)"
 
 
 def _because_of_lag(lag_px: float) -> str:

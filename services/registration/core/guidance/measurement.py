@@ -26,7 +26,7 @@ from services.registration.core.estimation.image_points import (
 )
 from services.registration.core.estimation.pose_estimate import POSE_SIZE, PoseEstimate, model_covariance
 from services.registration.core.guide.as_built import px_per_mm
-from services.registration.core.guide.identity import Discs, refined_identity
+from services.registration.core.guide.identity import DiscMap, refined_identity
 from services.registration.core.guide.locate import needed_balls
 from services.registration.core.nail.covariance import pose_covariance as nail_pose_covariance
 from services.registration.core.nail.evidence import hole_views, residual_statistics
@@ -80,7 +80,7 @@ def track_guide(
     # moved across the beam, so that its image shifts
     by_mm = np.append(shift_px, 0.0) * float(before.translation_mm[2]) / camera.focal_length_px
     start = Transform[Camera, Guide].from_rotation_translation(before.rotation, before.translation_mm + by_mm)
-    identity = refined_identity(camera, balls_mm, Discs.of(camera, ideal_px, calibration.pixel_mm), start)
+    identity = refined_identity(camera, balls_mm, DiscMap.of(camera, ideal_px, calibration.pixel_mm), start)
     if len(identity) < needed:
         return _lost(len(identity), needed, len(guide.balls))
     disc = chosen[identity.disc_index]

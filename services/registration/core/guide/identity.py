@@ -31,7 +31,7 @@ class GuideIdentity:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Discs:
+class DiscMap:
     """Discs that may be balls of the guide, in ideal pixels, with a map of where they are."""
 
     ideal_px: NDArray[np.float64]  # shape (M, 2), those that are most likely balls first
@@ -42,7 +42,7 @@ class Discs:
     pixel_mm: float  # pixel pitch at the detector
 
     @staticmethod
-    def of(camera: PinholeCamera, ideal_px: NDArray[np.float64], pixel_mm: float) -> "Discs":
+    def of(camera: PinholeCamera, ideal_px: NDArray[np.float64], pixel_mm: float) -> "DiscMap":
         """Build the map; at least one disc."""
         near_px = pixels(GUIDE_IDENTIFICATION.search_tolerance_detector_mm, pixel_mm)
         cell_px = pixels(GUIDE_IDENTIFICATION.map_cell_detector_mm, pixel_mm)
@@ -57,11 +57,11 @@ class Discs:
         occupied[cells[:, 1, None] + dy[inside], cells[:, 0, None] + dx[inside]] = 1
         cell_from_slope = camera.intrinsic_matrix_px[:2].copy()
         cell_from_slope[:, 2] -= origin
-        return Discs(ideal_px, occupied, cell_from_slope / cell_px, cKDTree(ideal_px), pixel_mm)
+        return DiscMap(ideal_px, occupied, cell_from_slope / cell_px, cKDTree(ideal_px), pixel_mm)
 
 
 def refined_identity(
-    camera: PinholeCamera, balls_mm: NDArray[np.float64], discs: Discs, start: Transform[Camera, Guide]
+    camera: PinholeCamera, balls_mm: NDArray[np.float64], discs: DiscMap, start: Transform[Camera, Guide]
 ) -> GuideIdentity:
     """Assign discs to balls and refine the pose, with a shrinking tolerance.
 
@@ -81,7 +81,7 @@ def refined_identity(
 
 
 def _assigned(
-    camera: PinholeCamera, balls_mm: NDArray[np.float64], discs: Discs, pose: Pose, tolerance_px: float
+    camera: PinholeCamera, balls_mm: NDArray[np.float64], discs: DiscMap, pose: Pose, tolerance_px: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Nearest disc of each ball within the tolerance, no disc twice: ball and disc indices."""
     rotation, translation_mm = pose

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.estimation.image_points import Pose
-from services.registration.core.guide.identity import Discs, GuideIdentity, refined_identity
+from services.registration.core.guide.identity import DiscMap, GuideIdentity, refined_identity
 from services.registration.core.tuning import GUIDE_SEARCH
 from shared.compiled import compiled, compiled_inline
 from shared.geometry.camera import PinholeCamera
@@ -71,7 +71,7 @@ def search_guide(
     """
     if len(ideal_px) < 4:
         return []
-    discs, tuning = Discs.of(camera, ideal_px, pixel_mm), GUIDE_SEARCH
+    discs, tuning = DiscMap.of(camera, ideal_px, pixel_mm), GUIDE_SEARCH
     usual = (0.0, tuning.usual_tilt_deg), tuning.usual_grid_deg, tuning.usual_pairs
     steep = (tuning.steep_from_deg, tuning.steep_to_deg), tuning.steep_grid_deg, tuning.steep_pairs
     found: list[GuideIdentity] = []
@@ -87,7 +87,7 @@ def _from_likely_pairs(
     camera: PinholeCamera,
     balls_mm: NDArray[np.float64],
     views: _Views,
-    discs: Discs,
+    discs: DiscMap,
     pairs: int,
     found: list[GuideIdentity],
 ) -> list[GuideIdentity]:
@@ -106,7 +106,7 @@ def _from_likely_pairs(
 
 
 def _with_alternatives(
-    camera: PinholeCamera, balls_mm: NDArray[np.float64], views: _Views, discs: Discs, found: list[GuideIdentity]
+    camera: PinholeCamera, balls_mm: NDArray[np.float64], views: _Views, discs: DiscMap, found: list[GuideIdentity]
 ) -> list[GuideIdentity]:
     """Identities found before and those in which pairs of the best one's discs are other balls."""
     own = np.sort(found[0].disc_index)
@@ -151,10 +151,10 @@ def _identities(
     camera: PinholeCamera,
     balls_mm: NDArray[np.float64],
     views: _Views,
-    discs: Discs,
+    discs: DiscMap,
     pair: tuple[int, int],
     least_score: int,
-    votes: Callable[[_Views, Discs, NDArray[np.float64]], NDArray[np.int16]],
+    votes: Callable[[_Views, DiscMap, NDArray[np.float64]], NDArray[np.int16]],
 ) -> list[GuideIdentity]:
     """The best few identities in which a pair of discs are two of the guide's balls, from so many balls on discs."""
     rays = camera.rays(discs.ideal_px[list(pair)])
@@ -173,14 +173,14 @@ def _identities(
     return [refined_identity(camera, balls_mm, discs, start) for start in starts]
 
 
-def _votes(views: _Views, discs: Discs, slopes: NDArray[np.float64], part: slice = slice(None)) -> NDArray[np.int16]:
+def _votes(views: _Views, discs: DiscMap, slopes: NDArray[np.float64], part: slice = slice(None)) -> NDArray[np.int16]:
     """Balls on discs for directions and pairs of balls, when such a pair lies on two rays, shape (D, P)."""
     on_rays = slopes, (GUIDE_SEARCH.least_depth_mm, GUIDE_SEARCH.greatest_depth_mm)
     seen = discs.cell_from_slope, discs.occupied
     return vote(views.turned_mm[part], views.first, views.second, *on_rays, *seen, GUIDE_SEARCH.probes)
 
 
-def _shared_votes(views: _Views, discs: Discs, slopes: NDArray[np.float64]) -> NDArray[np.int16]:
+def _shared_votes(views: _Views, discs: DiscMap, slopes: NDArray[np.float64]) -> NDArray[np.int16]:
     """The same, from both cores: for a single pair of discs."""
     halves = on_both_halves(lambda part: _votes(views, discs, slopes, part), len(views.turned_mm), _LEAST_DIRECTIONS)
     return np.concatenate(halves)
@@ -298,7 +298,7 @@ def vote(
     depth_range_mm
         Where the guide's origin may lie.
     cell_from_slope, occupied
-        As in `Discs`.
+        As in `DiscMap`.
     probes
         Balls tested before a hypothesis is given up that has fewer than two hits after the second round, or four after
         the third. Balls are missing at random, so the first round decides nothing.

@@ -70,15 +70,14 @@ def localise_nail_with_wires(
 
     The nail is an accepted estimate that did not model wires, if there is one.
     """
-    margin_mm, rough_mm = WIRE_VISIBILITY.margin_detector_mm, NAIL_WITH_WIRES.rough_margin_detector_mm
     if nail is not None:
-        margins_mm = (margin_mm,) * NAIL_WITH_WIRES.fitted_rounds
-        return _alternating_fit(image, parts, nail.camera_from_nail, margins_mm, wire_diameter_mm)
+        rounds = NAIL_WITH_WIRES.fitted_rounds
+        return _alternating_fit(image, parts, nail.camera_from_nail, wire_diameter_mm, rounds, first_rough=False)
     start = locate_nail_near_guide_axes(image, parts.guide, parts.nail)
     if isinstance(start, Rejected):
         return start
-    margins_mm = (rough_mm,) + (margin_mm,) * (NAIL_WITH_WIRES.rough_rounds - 1)
-    return _alternating_fit(image, parts, start.value, margins_mm, wire_diameter_mm)
+    rounds = NAIL_WITH_WIRES.rough_rounds
+    return _alternating_fit(image, parts, start.value, wire_diameter_mm, rounds, first_rough=True)
 
 
 def locate_nail_near_guide_axes(
@@ -166,14 +165,21 @@ def _alternating_fit(
     image: RegisteredImage,
     parts: Parts,
     start: Transform[Camera, Nail],
-    margins_mm: tuple[float, ...],
     wire_diameter_mm: float,
+    rounds: int,
+    *,
+    first_rough: bool,
 ) -> Accepted[NailEstimate] | Rejected | None:
-    """Wires, nail, and again until they converge; None when there is no wire around a fitted nail."""
+    """Wires, nail, and again until they converge; None when there is no wire around a fitted nail.
+
+    Around a start that is rough the first round looks for wires farther from metal, and may find none.
+    """
     pose, found_before = start, False
-    for margin_mm in margins_mm:
+    for round_index in range(rounds):
+        rough = first_rough and round_index == 0
+        margin_mm = NAIL_WITH_WIRES.rough_margin_detector_mm if rough else WIRE_VISIBILITY.margin_detector_mm
         wires = _wires(image, parts, image.camera_from_guide.inverse() @ pose, margin_mm, wire_diameter_mm)
-        if not wires and margin_mm == WIRE_VISIBILITY.margin_detector_mm:
+        if not (wires or rough):
             return Rejected((WIRES_LOST.reason(),)) if found_before else None
         found_before = bool(wires)
         measured = _measured_nail(image, parts, pose, wires)

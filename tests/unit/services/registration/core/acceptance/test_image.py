@@ -79,7 +79,7 @@ def test_uncertainty_by_processing_does_not_ask_for_dose() -> None:
 def test_uncertainty_by_a_curve_that_changes_with_the_place_does_not_ask_for_dose() -> None:
     uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
     (by_curve,) = localisation_reasons(replace(uncertain, departures=Departures(display_turn_deg=0.41)))
-    assert "leaves the nail's rotation uncertain by 0.41°" in by_curve.message
+    assert "may turn the nail by 0.41° (rms)" in by_curve.message
     assert "switch off local contrast enhancement" in by_curve.message
     assert "dose" not in by_curve.message
 
