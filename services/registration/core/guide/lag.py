@@ -35,13 +35,22 @@ def lag_px(
         Balls that the pose was fitted to, shape (N,).
     """
     offsets = tail_offsets_px(image, pixels, pose, used)
-    if len(offsets) < LAG.fewest_balls:
+    return beyond_chance_px(offsets) if len(offsets) >= LAG.fewest_balls else 0.0
+
+
+def beyond_chance_px(offsets_px: NDArray[np.float64]) -> float:
+    """Length of the median of tails, shape (K, 2), beyond what chance explains in its own direction.
+
+    Across it tails may scatter by more: a bone's edge displaces centroids to its own sides alone.
+    """
+    middle = np.median(offsets_px, axis=0)
+    length = float(np.linalg.norm(middle))
+    if length == 0.0:
         return 0.0
-    middle = np.median(offsets, axis=0)
-    spread = np.quantile(np.abs(offsets - middle), _MOST, axis=0) / _SIZE_OF_MOST
-    error = _OF_MEDIAN * spread / np.sqrt(len(offsets))
-    excess = float(np.sum(middle**2) - LAG.chance_sigmas**2 * np.sum(error**2))
-    return float(np.sqrt(max(excess, 0.0)))
+    along = (offsets_px - middle) @ (middle / length)
+    spread = float(np.quantile(np.abs(along), _MOST)) / _SIZE_OF_MOST
+    error = _OF_MEDIAN * spread / np.sqrt(len(offsets_px))
+    return float(np.sqrt(max(length**2 - (LAG.chance_sigmas * error) ** 2, 0.0)))
 
 
 def tail_offsets_px(

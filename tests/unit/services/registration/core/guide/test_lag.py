@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from services.registration.core.guide.lag import beyond_chance_px
 from services.registration.core.guide.locate import locate_guide
 from shared.errors import Accepted
 from shared.geometry.frames import Camera, Guide
@@ -65,4 +66,15 @@ def test_the_tail_grows_with_the_movement_between_frames(guide: GuidePart) -> No
 def test_a_slope_of_the_background_is_no_tail(guide: GuidePart) -> None:
     """One in a hundred darker from column to column."""
     ramp = np.exp(-0.01 * np.arange(SIZE_PX))
-    assert lag_of((frame(guide, 0.0, 1) * ramp).astype(np.float32), guide) == 0.0
+    assert lag_of((frame(guide, 0.0, 1) * ramp).astype(np.float32), guide) < 0.03
+
+
+def test_scatter_across_a_tail_does_not_hide_it() -> None:
+    """A bone's edges displace some centroids to their own side: along the tail all agree."""
+    aside = np.random.default_rng(3).normal(0.0, 1.0, 16)
+    aside -= np.median(aside)
+    along = 0.4 + 0.05 * np.random.default_rng(4).normal(0.0, 1.0, 16)
+    turned = Rotation.from_euler("z", 0.6).as_matrix()[:2, :2]
+    for rotation in (np.eye(2), turned):
+        assert beyond_chance_px(np.column_stack([along, aside]) @ rotation.T) == pytest.approx(0.4, abs=0.05)
+    assert beyond_chance_px(np.column_stack([aside + 0.4, aside])) == 0.0
