@@ -116,7 +116,9 @@ fuzz: $(COMPILED)
 	$(BIN)/python -m pip install --quiet "schemathesis>=4,<5"
 	nice -n 10 $(BIN)/python -m tests.fuzz $(ARGS)
 
+# The client that plays the procedure is generated, too.
 examples: $(COMPILED)
+	$(BIN)/python -m tools.generate
 	$(BIN)/python -m tools.examples $(ARGS)
 	$(BIN)/python -m tools.generate
 

@@ -8,6 +8,7 @@ from typing import Final
 from distalock.readiness import Server
 from services.imaging.settings import ImagingSettings
 from services.robot.devices.dialects import DIALECTS
+from services.robot.devices.identity import asked_identity
 from services.robot.devices.serial_line import open_port
 from services.robot.settings import RobotSettings
 from shared.doctor.finding import Finding, attention, of_running, unknown, well, wrong
@@ -79,7 +80,7 @@ def controller_finding(url: str | None, settings: RobotSettings, *, running: boo
         return unknown("controller", "no controller was named", "name it with --controller")
     try:
         with closing(open_port(url, settings.controller_baud)) as port:
-            answer = DIALECTS[settings.dialect].ask_identity(port, _ANSWER_WITHIN_S)
+            answer = asked_identity(port, DIALECTS[settings.dialect].identity_question, _ANSWER_WITHIN_S)
     except (DeviceError, OSError) as error:
         return wrong("controller", str(error), "see to the line, and who else holds it")
     if not answer:

@@ -1,4 +1,4 @@
-"""Record the examples anew, from a simulation on this machine: `make examples`; minutes.
+"""Record the examples anew, from a simulation on this machine: `make examples`; about a minute.
 
 An example stays as it is while its shape does; `--all` replaces every one.
 """

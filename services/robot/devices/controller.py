@@ -4,6 +4,8 @@ A dialect takes a port (`serial_line.Port`), speaks its protocol on it, and repo
 `ControllerError`. It is registered in `dialects.py`; nothing else knows it.
 """
 
+import math
+import re
 from collections.abc import Sequence
 from enum import StrEnum
 from typing import Protocol
@@ -33,6 +35,8 @@ class ReplyGarbled(DeviceError):
 
 # Chosen: what fits into one line of a message.
 _SHOWN = 80
+# float() would also take 'nan', 'inf', '1_0' and digits of other scripts.
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 
 
 def garbled(question: str, lines: Sequence[str]) -> ReplyGarbled:
@@ -42,6 +46,14 @@ def garbled(question: str, lines: Sequence[str]) -> ReplyGarbled:
     return ReplyGarbled(
         f"the controller answered {shown!r} to '{question}', which is not an answer to it; check the cable"
     )
+
+
+def number_in(text: str, question: str, lines: Sequence[str]) -> float:
+    """A decimal number of an answer, strictly; raises the error for an answer that is none."""
+    value = float(text) if _NUMBER.fullmatch(text.strip(" ")) else math.inf
+    if not math.isfinite(value):
+        raise garbled(question, lines)
+    return value
 
 
 class Encoders(StrEnum):

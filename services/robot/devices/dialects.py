@@ -1,13 +1,13 @@
 """The dialects of hexapod controllers: the one table in which a driver is registered."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
 from services.robot.devices.controller import Encoders, HexapodController
+from services.robot.devices.gcs import codec
 from services.robot.devices.gcs.controller import GcsController
-from services.robot.devices.gcs.identity import asked_identity
 from services.robot.devices.guardian import LineGuardian
 from services.robot.devices.serial_line import Port
 from shared.geometry.hexapod import HexapodPart
@@ -41,12 +41,12 @@ class DialectDevice:
     ----------
     driver
         Takes over the controller.
-    ask_identity
-        For whoever only wants to know who is there: a port and the seconds to wait in, what it answers out.
+    identity_question
+        What a controller answers with one line that names it, and changes nothing (`identity.asked_identity`).
     """
 
     driver: Driver
-    ask_identity: Callable[[Port, float], str]
+    identity_question: bytes
 
 
-DIALECTS: Mapping[Dialect, DialectDevice] = {Dialect.GCS: DialectDevice(GcsController, asked_identity)}
+DIALECTS: Mapping[Dialect, DialectDevice] = {Dialect.GCS: DialectDevice(GcsController, codec.query("*IDN"))}

@@ -4,15 +4,13 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 
-from services.robot.devices.controller import garbled
+from services.robot.devices.controller import garbled, number_in
 from shared.errors import DeviceError
 from shared.geometry.hexapod import AXES, PlatformPose
 
 MOTION_STATUS = b"\x05"
 STOP_ALL = b"\x18"
 
-# float() would also take 'nan', 'inf', '1_0' and digits of other scripts.
-_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 _HEXADECIMAL = re.compile(r"(0[xX])?[0-9a-fA-F]{1,8}", re.ASCII)
 
 
@@ -53,7 +51,7 @@ def parse_axis_values(lines: Sequence[str], axes: Sequence[str], question: str) 
         axis, equals, text = line.strip(" ").partition("=")
         if not equals or axis not in axes or axis in found:
             raise garbled(question, lines)
-        found[axis] = _parse_float(text, question, lines)
+        found[axis] = number_in(text, question, lines)
     if len(found) != len(axes):
         raise garbled(question, lines)
     return tuple(found[axis] for axis in axes)
@@ -74,7 +72,7 @@ def parse_pose(lines: Sequence[str], question: str) -> PlatformPose:
 
 def parse_number(lines: Sequence[str], question: str) -> float:
     """One bare number."""
-    return _parse_float(_only_line(lines, question), question, lines)
+    return number_in(_only_line(lines, question), question, lines)
 
 
 def parse_integer(lines: Sequence[str], question: str) -> int:
@@ -113,12 +111,3 @@ def _only_line(lines: Sequence[str], question: str) -> str:
     if len(lines) != 1:
         raise garbled(question, lines)
     return lines[0].strip(" ")
-
-
-def _parse_float(text: str, question: str, lines: Sequence[str]) -> float:
-    if not _NUMBER.fullmatch(text.strip(" ")):
-        raise garbled(question, lines)
-    value = float(text)
-    if not math.isfinite(value):
-        raise garbled(question, lines)
-    return value

@@ -2,8 +2,21 @@
 
 import queue
 from abc import ABC, abstractmethod
+from typing import Protocol
+
+from services.robot.core.guard import PermittedMove
+from services.robot.core.status import DriveStatus
+from services.robot.core.tuning import SUPERVISION
+from services.robot.devices.controller import Encoders, HexapodController
+from services.robot.devices.dialects import Driver
+from services.robot.devices.guardian import UNGUARDED
+from services.robot.devices.serial_line import Port
+from services.robot.drive.drive import Drive
+from shared.geometry.hexapod import ZERO_POSE, HexapodPart, PlatformPose
+from shared.robot_states import MotionState, StopButton
 
 READ_WAIT_S = 0.01
+TARGET = PlatformPose(2.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class TextDevice(ABC):
@@ -36,3 +49,50 @@ class TextDevice(ABC):
     def close(self) -> None:
         """End."""
         self.closed = True
+
+
+class RobotDevice(Port, Protocol):
+    """A device with a robot: what it does, and what a test does to it."""
+
+    locked: bool
+    moving: bool
+    button: bool
+
+    def arrive(self) -> None:
+        """Be at the target, at rest."""
+
+
+def drive_through(driver: Driver, device: RobotDevice, hexapod: HexapodPart) -> DriveStatus:
+    """Drive a robot through reference, a move to `TARGET` and its stop button, as the robot service does.
+
+    Returns the status with the button pressed.
+    """
+
+    def connect() -> HexapodController:
+        return driver(device, hexapod, Encoders.ABSOLUTE, 0.25, UNGUARDED)
+
+    drive = Drive(connect, SUPERVISION.read_back, lambda: 50.0, 1.0, print)
+
+    def work(rounds: int = 3) -> MotionState:
+        for _ in range(rounds):
+            drive.step()
+        return drive.status.state
+
+    assert work() is MotionState.STOPPED
+    assert (device.moving, device.locked) == (False, True)
+    assert drive.acknowledge_stop() is None
+    assert work() is MotionState.UNREFERENCED
+    assert drive.begin_reference("r1") is None
+    assert work() is MotionState.LOCKED
+    assert drive.begin_move("m1", lambda _: PermittedMove("a" * 64, ZERO_POSE, TARGET, 2.0, 1.0)) is None
+    assert work(1) is MotionState.MOVING
+    device.arrive()
+    assert work() is MotionState.LOCKED
+    assert drive.status.outcome == "reached"
+    device.button = True
+    assert work() is MotionState.STOPPED
+    pressed = drive.status
+    assert pressed.stop_button is StopButton.PRESSED
+    drive.leave()
+    work()
+    return pressed

@@ -1,21 +1,16 @@
 """A second dialect: the port, the serial line and the drive suffice for a protocol that has nothing of GCS."""
 
 from services.robot.core.controller_feedback import ControllerError, ControllerFeedback, ErrorKind
-from services.robot.core.guard import PermittedMove
-from services.robot.core.tuning import SUPERVISION
-from services.robot.devices.controller import Encoders, HexapodController, StopInForce, garbled
+from services.robot.devices.controller import Encoders, StopInForce, garbled, number_in
 from services.robot.devices.dialects import DIALECTS, Dialect, Driver
-from services.robot.devices.guardian import UNGUARDED, LineGuardian
+from services.robot.devices.guardian import LineGuardian
 from services.robot.devices.serial_line import LineProtocol, Port, SerialLine
-from services.robot.drive.drive import Drive
 from shared.errors import DeviceError
-from shared.geometry.hexapod import ZERO_POSE, HexapodPart, PlatformPose
+from shared.geometry.hexapod import HexapodPart, PlatformPose
 from shared.parts.hexapod_file import default_hexapod
-from shared.robot_states import MotionState, StopButton
-from tests.unit.services.robot.text_device import TextDevice
+from tests.unit.services.robot.text_device import TextDevice, drive_through
 
 HEXAPOD = default_hexapod()
-TARGET = PlatformPose(2.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 LINE = LineProtocol(b"!", b"lock\n", b"hello\n", ("here",), another_line_follows=lambda line: line.endswith("&"))
 
 
@@ -70,7 +65,7 @@ def _feedback(lines: list[str]) -> ControllerFeedback:
     pressed = ControllerError(ErrorKind.STOP_BUTTON_PRESSED, "the red button is pressed; release it")
     assert end == "&"
     return ControllerFeedback(
-        pose=PlatformPose(*map(float, pose)),
+        pose=PlatformPose(*(number_in(value, "state", lines) for value in pose)),
         moving="M" in flags,
         on_target="M" not in flags,
         locked="L" in flags,
@@ -111,36 +106,9 @@ class ToyDevice(TextDevice):
 
 
 def test_the_drive_references_moves_and_stops_a_robot_that_speaks_another_dialect() -> None:
-    device = ToyDevice()
     driver: Driver = ToyController
-
-    def connect() -> HexapodController:
-        return driver(device, HEXAPOD, Encoders.ABSOLUTE, 0.25, UNGUARDED)
-
-    drive = Drive(connect, SUPERVISION.read_back, lambda: 50.0, 1.0, print)
-
-    def work(rounds: int = 3) -> MotionState:
-        for _ in range(rounds):
-            drive.step()
-        return drive.status.state
-
-    assert work() is MotionState.STOPPED
-    assert (device.moving, device.locked) == (False, True)
-    assert drive.acknowledge_stop() is None
-    assert work() is MotionState.UNREFERENCED
-    assert drive.begin_reference("r1") is None
-    assert work() is MotionState.LOCKED
-    assert drive.begin_move("m1", lambda _: PermittedMove("a" * 64, ZERO_POSE, TARGET, 2.0, 1.0)) is None
-    assert work(1) is MotionState.MOVING
-    device.arrive()
-    assert work() is MotionState.LOCKED
-    assert drive.status.outcome == "reached"
-    device.button = True
-    assert work() is MotionState.STOPPED
-    assert drive.status.stop_button is StopButton.PRESSED
-    assert drive.status.detail == "not by this service: the red button is pressed; release it"
-    drive.leave()
-    work()
+    pressed = drive_through(driver, ToyDevice(), HEXAPOD)
+    assert pressed.detail == "not by this service: the red button is pressed; release it"
 
 
 def test_every_dialect_has_a_driver_and_asks_who_is_there() -> None:
