@@ -36,6 +36,7 @@ class NailEstimate:
     curvature_per_m: tuple[float, float] = (0.0, 0.0)  # of a nail that is bent, towards its y and z
     hole_spread_mm: float = 0.0  # standard deviation of the holes' places about their file's, as the image shows it
     display_turn_deg: float = 0.0  # standard error of its rotation by a display's curve that changes with the place
+    beside_objects: bool = False  # see `FitEvidence.beside_objects`
 
     @property
     def covariance(self) -> NDArray[np.float64] | None:
@@ -59,6 +60,7 @@ class NailEstimate:
             fit.curvature_per_m,
             fit.hole_spread_mm,
             fit.display_turn_deg,
+            fit.evidence.beside_objects,
         )
 
 

@@ -132,6 +132,7 @@ def departures_of(calibration: CArmCalibration, guide: GuideFit, nail: NailEstim
     """What ring, guide and nail show to be otherwise than modelled."""
     return Departures(
         error_ratio=nail.error_ratio,
+        beside_objects=nail.beside_objects,
         display_turn_deg=nail.display_turn_deg,
         lag_px=guide.lag_px,
         guide_spread_mm=guide.displacement_sd_mm,

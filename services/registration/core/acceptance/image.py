@@ -12,6 +12,7 @@ from typing import Final
 
 from services.registration.core.acceptance.criteria import (
     AGREEMENT_BESIDE_OBJECTS,
+    AGREEMENT_OF_FILTERED,
     AXIS_BOUND,
     BENT_MARGIN,
     BEST_RIM,
@@ -21,6 +22,7 @@ from services.registration.core.acceptance.criteria import (
     DIAMETER_EXCESS,
     DISTORTION_DEVIATION,
     ENTRY_BOUND,
+    FILTERED,
     HOLE_ORDER,
     LAG_REMEDY,
     MIRROR_MARGIN,
@@ -92,6 +94,18 @@ class FitEvidence:
     straight_margin: float = math.inf
     openings: Openings = CLEAR_VIEW
     objects_left_out: bool = False  # pixels over the nail that are darker than an earlier fit
+    # Variance of the residual over the one by its median: a filter against noise leaves a few places as they were
+    residual_tails: float = 1.0
+
+    @property
+    def filtered(self) -> bool:
+        """Whether the residual is that of a filter against noise; what looks like an object is then its trace."""
+        return self.residual_tails > FILTERED
+
+    @property
+    def beside_objects(self) -> bool:
+        """Whether objects were left out that are none of a filter's traces."""
+        return self.objects_left_out and not self.filtered
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +113,7 @@ class Departures:
     """What an image shows to be otherwise than the model and the part files have it, and makes axes uncertain."""
 
     error_ratio: float = 1.0  # of the nail's rotation, over what the noise explains
+    beside_objects: bool = False  # see `FitEvidence.beside_objects`
     display_turn_deg: float = 0.0  # standard error of its rotation by a display's curve that changes with the place
     lag_px: float = 0.0  # how far the guide's balls reach to one side: earlier frames are in the image
     # Of balls and holes about their places in the files, as the image shows it
@@ -109,7 +124,7 @@ class Departures:
     def cause_of_uncertainty(self) -> tuple[str, str]:
         """Clause that names the cause other than noise, and what to do about it; empty where noise is the cause."""
         causes = (
-            (_because_of_processing(self.error_ratio), PROCESSING.remedy),
+            (_because_of_disagreement(self.error_ratio), _remedy(beside_objects=self.beside_objects)),
             (_because_of_the_display(self.display_turn_deg), PROCESSING.remedy),
             (_because_of_lag(self.lag_px), LAG_REMEDY),
             (because_of_the_guide(self.guide_spread_mm), MEASURE_THE_GUIDE),
@@ -140,14 +155,14 @@ def fit_reasons(evidence: FitEvidence) -> tuple[Reason, ...]:
     """Reasons against a fitted nail; none when it is accepted."""
     mismatch = tuple(_mismatch(evidence))
     # what the model does not explain counts as noise: then neither dose nor another direction would help
-    processed = PROCESSING.remedy if evidence.error_ratio > MUCH_PROCESSED else ""
-    remedy = STRUCTURE.remedy if mismatch else processed
+    disagreement = _remedy(beside_objects=evidence.beside_objects) if evidence.error_ratio > MUCH_PROCESSED else ""
+    remedy = STRUCTURE.remedy if mismatch and not evidence.filtered else disagreement
     return (
         *opening_reasons(evidence.holes, evidence.openings, remedy=remedy),
         *_covered(evidence),
         *mismatch,
         *_processed(evidence),
-        *_ambiguity(evidence, processed),
+        *_ambiguity(evidence, remedy if disagreement else ""),
     )
 
 
@@ -192,7 +207,8 @@ def _covered(evidence: FitEvidence) -> Iterator[Reason]:
     for view, share in zip(evidence.holes, evidence.rim_shares, strict=True):
         least = BEST_RIM if share == best else OTHER_RIM
         if not least.is_met(share):
-            yield least.reason(f"the rim of hole '{view.id}' is visible over {least.quoted(share)} of its length")
+            sentence = f"the rim of hole '{view.id}' is visible over {least.quoted(share)} of its length"
+            yield least.reason(sentence, PROCESSING.remedy if evidence.filtered else "")
 
 
 def _mismatch(evidence: FitEvidence) -> Iterator[Reason]:
@@ -212,20 +228,23 @@ def _mismatch(evidence: FitEvidence) -> Iterator[Reason]:
             "background: something lies over it, or balls hide so much of its rim that the pose is wrong"
         )
     if not NOISE_INFLATION.is_met(residual.noise_inflation):
+        quoted = NOISE_INFLATION.quoted(residual.noise_inflation)
+        by_object = "something that the nail file does not describe lies there"
         yield NOISE_INFLATION.reason(
             "after the noise's own correlation is removed, the residual around the nail is still correlated over "
-            f"{NOISE_INFLATION.quoted(residual.noise_inflation)}: something that the nail file does not describe lies "
-            "there"
+            f"{quoted}: {'a filter does that' if evidence.filtered else by_object}",
+            PROCESSING.remedy if evidence.filtered else "",
         )
 
 
 def _processed(evidence: FitEvidence) -> Iterator[Reason]:
     """What was left out by a wrong fit can make that fit look right: what remains must be plain."""
-    if evidence.objects_left_out and not AGREEMENT_BESIDE_OBJECTS.is_met(evidence.error_ratio):
-        quoted = AGREEMENT_BESIDE_OBJECTS.quoted(evidence.error_ratio)
-        yield AGREEMENT_BESIDE_OBJECTS.reason(
-            "something dark lies over the nail, and beside it parts of the image disagree about the nail's rotation by "
-            f"{quoted} what the noise explains"
+    beside = AGREEMENT_BESIDE_OBJECTS if evidence.beside_objects else AGREEMENT_OF_FILTERED
+    if evidence.objects_left_out and not beside.is_met(evidence.error_ratio):
+        by_object = "something dark lies over the nail, and beside it"
+        yield beside.reason(
+            f"{by_object if evidence.beside_objects else 'a filter against noise was on, and'} parts of the image "
+            f"disagree about the nail's rotation by {beside.quoted(evidence.error_ratio)} what the noise explains"
         )
     elif not PROCESSING.is_met(evidence.error_ratio):
         yield PROCESSING.reason(
@@ -241,7 +260,7 @@ def _ambiguity(evidence: FitEvidence, remedy: str) -> Iterator[Reason]:
         other = "the nail has one hole, and another tilt" if one_hole else "the reflected tilt"
         yield least.reason(
             f"{other} explains the image nearly as well: logarithm of the likelihood ratio "
-            f"{least.quoted(evidence.mirror_margin)}{_because_of_processing(evidence.error_ratio)}",
+            f"{least.quoted(evidence.mirror_margin)}{_because_of_disagreement(evidence.error_ratio)}",
             remedy,
         )
     if not BENT_MARGIN.is_met(evidence.bent_margin):
@@ -311,7 +330,12 @@ def _uncertain(hole: HoleEstimate, because: str, remedy: str) -> Iterator[Reason
     )
 
 
-def _because_of_processing(error_ratio: float) -> str:
+def _remedy(*, beside_objects: bool) -> str:
+    """What to do where parts of an image disagree."""
+    return (AGREEMENT_BESIDE_OBJECTS if beside_objects else PROCESSING).remedy
+
+
+def _because_of_disagreement(error_ratio: float) -> str:
     if error_ratio <= MUCH_PROCESSED:
         return ""
     return f"; parts of the image disagree by {error_ratio:.1f} times what the noise explains"

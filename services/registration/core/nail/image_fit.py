@@ -196,6 +196,7 @@ def _with_evidence(end: FitEnd, errors: PoseErrors, *, objects_left_out: bool) -
         error_ratio=parts.error_ratio,
         rim_shares=rim_shares(model.region, model.nail),
         objects_left_out=objects_left_out,
+        residual_tails=parts.tails,
     )
     fit = NailFit(
         camera_from_nail,

@@ -64,6 +64,41 @@ def test_noise_that_the_model_does_not_explain_is_no_matter_of_dose() -> None:
     assert "instruments" in by_object.message
 
 
+def test_a_filter_is_not_taken_for_an_object_and_an_object_not_for_a_filter() -> None:
+    doubtful = replace(FIT, objects_left_out=True, error_ratio=3.0, mirror_margin=2.0, rim_shares=(0.9, 0.2))
+    beside = fit_reasons(replace(doubtful, residual_tails=1.3))
+    filtered = fit_reasons(replace(doubtful, residual_tails=1.6))
+    assert [one.code for one in beside] == [
+        ReasonCode.HOLE_NOT_VISIBLE,
+        ReasonCode.HOLE_NOT_VISIBLE,
+        ReasonCode.MIRROR_AMBIGUOUS,
+    ]
+    assert [one.code for one in filtered] == [
+        ReasonCode.HOLE_NOT_VISIBLE,
+        ReasonCode.IMAGE_PROCESSED,
+        ReasonCode.MIRROR_AMBIGUOUS,
+    ]
+    assert all("switch off" in one.message and "instruments" not in one.message for one in filtered)
+    assert not any("switch off" in one.message for one in beside)
+    assert "something dark lies over the nail" in beside[1].message
+    assert "a filter against noise was on" in filtered[1].message
+
+
+def test_correlated_residuals_are_blamed_on_a_filter_where_it_shows() -> None:
+    correlated = replace(FIT, residual=replace(RESIDUAL, noise_inflation=12.0))
+    (by_object,), (by_filter,) = (fit_reasons(replace(correlated, residual_tails=t)) for t in (1.1, 1.9))
+    assert by_object.code is by_filter.code is ReasonCode.NAIL_MODEL_MISMATCH
+    assert "does not describe lies there" in by_object.message
+    assert "a filter does that; switch off" in by_filter.message
+
+
+def test_uncertainty_beside_objects_asks_for_a_free_view() -> None:
+    uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
+    (reason,) = localisation_reasons(replace(uncertain, departures=Departures(error_ratio=2.2, beside_objects=True)))
+    assert "take instruments out of the beam" in reason.message
+    assert "switch off" not in reason.message
+
+
 def test_uncertainty_by_processing_does_not_ask_for_dose() -> None:
     uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
     (by_noise,), (by_processing,) = (
