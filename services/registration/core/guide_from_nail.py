@@ -37,6 +37,7 @@ class NailEstimate:
     hole_spread_mm: float = 0.0  # standard deviation of the holes' places about their file's, as the image shows it
     display_turn_deg: float = 0.0  # standard error of its rotation by a display's curve that changes with the place
     beside_objects: bool = False  # see `FitEvidence.beside_objects`
+    other_bend_deg: float = 0.0  # how far the holes' axes are of a nail bent otherwise that explains the image as well
 
     @property
     def covariance(self) -> NDArray[np.float64] | None:
@@ -61,6 +62,7 @@ class NailEstimate:
             fit.hole_spread_mm,
             fit.display_turn_deg,
             fit.evidence.beside_objects,
+            fit.other_bend_deg,
         )
 
 

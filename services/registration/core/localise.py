@@ -134,6 +134,7 @@ def departures_of(calibration: CArmCalibration, guide: GuideFit, nail: NailEstim
         error_ratio=nail.error_ratio,
         beside_objects=nail.beside_objects,
         display_turn_deg=nail.display_turn_deg,
+        other_bend_deg=nail.other_bend_deg,
         lag_px=guide.lag_px,
         guide_spread_mm=guide.displacement_sd_mm,
         ring_spread_mm=calibration.ring_spread_mm,

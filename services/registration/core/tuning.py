@@ -390,6 +390,12 @@ class BentNail:
         "margin of a straight nail over a bent one reflected, at half resolution, below which both are fitted in full",
         fitted("seeds 60000-60029 as they are: in full it is 1.4 to 4 times as large, and positive"),
     )
+    near_margin: float = tuned(
+        20.0,
+        "1",
+        "margin below which a nail bent otherwise, with axes within 1.5°, makes the axes uncertain",
+        fitted("seed 65828, which judges no longer: 6 and 9 for a wrong bend over the right one"),
+    )
     least_radius_mm: float = tuned(200.0, "mm", "of an optimum that counts", derived("two thirds of what canals do"))
     first_steps: int = tuned(12, "1", "steps of the fit from each start", _INSPECTION)
 

@@ -16,6 +16,7 @@ from services.registration.core.acceptance.criteria import (
     AXIS_BOUND,
     BENT_MARGIN,
     BEST_RIM,
+    CERTAIN_BEND_DEG,
     CHANCE_TO_PASS,
     CLEAR_VIEW,
     CONTRAST_TO_NOISE,
@@ -115,6 +116,7 @@ class Departures:
     error_ratio: float = 1.0  # of the nail's rotation, over what the noise explains
     beside_objects: bool = False  # see `FitEvidence.beside_objects`
     display_turn_deg: float = 0.0  # standard error of its rotation by a display's curve that changes with the place
+    other_bend_deg: float = 0.0  # how far the holes' axes are of a nail bent otherwise that explains the image as well
     lag_px: float = 0.0  # how far the guide's balls reach to one side: earlier frames are in the image
     # Of balls and holes about their places in the files, as the image shows it
     guide_spread_mm: float = 0.0
@@ -126,6 +128,7 @@ class Departures:
         causes = (
             (_because_of_disagreement(self.error_ratio), _remedy(beside_objects=self.beside_objects)),
             (_because_of_the_display(self.display_turn_deg), PROCESSING.remedy),
+            (_because_of_another_bend(self.other_bend_deg), MIRROR_MARGIN.remedy),
             (_because_of_lag(self.lag_px), LAG_REMEDY),
             (because_of_the_guide(self.guide_spread_mm), MEASURE_THE_GUIDE),
             (because_of_the_ring(self.ring_spread_mm), MEASURE_THE_RING),
@@ -345,6 +348,12 @@ def _because_of_the_display(turn_deg: float) -> str:
     if turn_deg <= 0.0:
         return ""
     return f"; local contrast differs from place to place, which may turn the nail by {turn_deg:.2f}° (rms)"
+
+
+def _because_of_another_bend(apart_deg: float) -> str:
+    if apart_deg <= CERTAIN_BEND_DEG:
+        return ""
+    return f"; a nail that is bent otherwise, its holes by {apart_deg:.2f}°, explains the image nearly as well"
 
 
 def _because_of_lag(lag_px: float) -> str:

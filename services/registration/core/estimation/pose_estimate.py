@@ -135,6 +135,12 @@ class PoseErrors:
             bend_sd_per_m=sd_per_m,
         )
 
+    def with_alternative(self, motion: NDArray[np.float64], curvature_per_m: NDArray[np.float64]) -> "PoseErrors":
+        """With another estimate, so far away in pose, shape (6,), and curvature, (2,), as one standard deviation."""
+        away = np.zeros(len(self.image_covariance))
+        away[:POSE_SIZE], away[-2:] = motion, curvature_per_m / self.bend_sd_per_m
+        return replace(self, image_covariance=self.image_covariance + np.outer(away, away))
+
     def with_more(self, covariance: NDArray[np.float64]) -> "PoseErrors":
         """With further errors of the pose that come with the image, shape (6, 6)."""
         total = self.image_covariance.copy()

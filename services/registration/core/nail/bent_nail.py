@@ -38,11 +38,15 @@ class BentOptimum:
         Over the next (see `FitEvidence.mirror_margin`); None without another.
     straight_margin
         Of the pose at which the straight fit ended over the best of the others; None without another.
+    near
+        The farthest optimum whose axes all lie within 1.5° of its own, among those that explain the image nearly as
+        well: where a hole is seen along its axis, its tilt and the reflected one lie side by side. None without one.
     """
 
     solution: Solution
     margin: float | None
     straight_margin: float | None
+    near: Solution | None
 
 
 def bent_optimum(problem: Problem, straight: Solution) -> BentOptimum | None:
@@ -60,12 +64,20 @@ def bent_optimum(problem: Problem, straight: Solution) -> BentOptimum | None:
     if not nails:
         return None
     best = min(nails, key=lambda one: one.cost)
-    return BentOptimum(best, _margin(problem, best, found), _margin(problem, found[0], nails))
+    return BentOptimum(
+        best, _margin(problem, best, found), _margin(problem, found[0], nails), _near(problem, best, nails)
+    )
 
 
 def _margin(problem: Problem, one: Solution, found: list[Solution]) -> float | None:
     others = [other.least_cost for other in found if _differ(problem, other, one)]
     return 0.5 * (min(others) - one.cost) if others else None
+
+
+def _near(problem: Problem, best: Solution, nails: list[Solution]) -> Solution | None:
+    limit = best.cost + 2.0 * BENT_NAIL.near_margin
+    near = [one for one in nails if one.least_cost < limit and not _differ(problem, one, best)]
+    return max(near, key=lambda one: apart_rad(problem, one, best)) if len(near) > 1 else None
 
 
 def reflections(problem: Problem, parameters: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
@@ -104,9 +116,14 @@ def hole_directions(problem: Problem, parameters: NDArray[np.float64]) -> NDArra
     return problem.model.pose(parameters).directions(axes)
 
 
-def _differ(problem: Problem, one: Solution, other: Solution) -> bool:
+def apart_rad(problem: Problem, one: Solution, other: Solution) -> float:
+    """Largest angle between the axes of a hole in two fits."""
     pairs = zip(hole_directions(problem, one.parameters), hole_directions(problem, other.parameters), strict=True)
-    return bool(max(angle_between_rad(a, b) for a, b in pairs) > np.radians(TILT_SEARCH_STAGE.distinct_deg))
+    return float(max(angle_between_rad(a, b) for a, b in pairs))
+
+
+def _differ(problem: Problem, one: Solution, other: Solution) -> bool:
+    return apart_rad(problem, one, other) > float(np.radians(TILT_SEARCH_STAGE.distinct_deg))
 
 
 def reflected_and_bent(problem: Problem, straight: Solution) -> Solution:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from services.registration.core.acceptance.criteria import NAIL_OUTSIDE
 from services.registration.core.acceptance.image import FitEvidence, fit_reasons
 from services.registration.core.estimation.pose_estimate import PoseErrors
-from services.registration.core.nail.bent_nail import bent_optimum
+from services.registration.core.nail.bent_nail import apart_rad, bent_optimum
 from services.registration.core.nail.between_holes import spread_of_holes_mm
 from services.registration.core.nail.covariance import (
     curvature_covariance,
@@ -62,6 +62,7 @@ class NailFit:
     curvature_per_m: tuple[float, float]  # of the centre line towards the nail's y and z; zero where none was found
     hole_spread_mm: float  # standard deviation of the holes' places about their file's (`spread_of_holes_mm`)
     display_turn_deg: float = 0.0  # standard error of its rotation by a display's curve that changes with the place
+    other_bend_deg: float = 0.0  # how far the holes' axes are of a nail bent otherwise that explains the image as well
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,6 +76,7 @@ class FitEnd:
     # see `FitEvidence`
     bent_margin: float = np.inf
     straight_margin: float = np.inf
+    near: Solution | None = None  # see `BentOptimum`
 
     @staticmethod
     def of(problem: Problem, solution: Solution, margin: float) -> "FitEnd":
@@ -111,7 +113,8 @@ def fit_image(fit_input: FitInput, start: Transform[Camera, Nail]) -> ImageFit |
 
     Wrong brightness between the rims looks like a bend as well, and so do the remains of an object that was left out:
     where parts of the image disagree, and beside objects, the curvature that was found is what the straight nail's is
-    uncertain by. Beside objects none is looked for where the straight nail is refused without it.
+    uncertain by. So is it where a nail that is hardly bent explains the image nearly as well. Beside objects none is
+    looked for where the straight nail is refused without it.
     """
     optimum = find_global_optimum(fit_input, start)
     model = None if optimum is None else model_at(fit_input, optimum.camera_from_nail, FINAL_STAGE, 1)
@@ -130,11 +133,33 @@ def fit_image(fit_input: FitInput, start: Transform[Camera, Nail]) -> ImageFit |
     bent = _with_evidence(end, pose_errors(end.problem, end.solution, end.noise), objects_left_out=beside)
     curvature = np.array(bent.fit.curvature_per_m)
     evident = is_bent(curvature, bent.fit.errors.bend_covariance)
-    if bent.fit.evidence.error_ratio > BENT_NAIL.largest_error_ratio or (beside and evident):
+    doubtful = evident and end.near is not None and not _is_bent_as(end.near, bent)
+    if bent.fit.evidence.error_ratio > BENT_NAIL.largest_error_ratio or (beside and evident) or doubtful:
         curvature_sd = float(np.hypot(curvature_sd, np.linalg.norm(curvature)))
     elif evident:
+        return _beside_near(bent)
+    held = _held_straight(straight, there, curvature_sd, objects_left_out=beside)
+    return replace(held, fit=replace(held.fit, other_bend_deg=_near_deg(end))) if doubtful else held
+
+
+def _is_bent_as(near: Solution, bent: ImageFit) -> bool:
+    return is_bent(np.array(curvature_of(near.parameters)), bent.fit.errors.bend_covariance)
+
+
+def _near_deg(end: FitEnd) -> float:
+    """How far the axes of a hole are apart in a bent fit and in the optimum beside it."""
+    return 0.0 if end.near is None else float(np.degrees(apart_rad(end.problem, end.near, end.solution)))
+
+
+def _beside_near(bent: ImageFit) -> ImageFit:
+    """A bent nail's fit, uncertain by how far the optimum beside it is."""
+    end, fit = bent.end, bent.fit
+    if end.near is None:
         return bent
-    return _held_straight(straight, there, curvature_sd, objects_left_out=beside)
+    motion = fit.camera_from_nail.motion_to(end.problem.model.pose(end.near.parameters))
+    curvature = np.array(curvature_of(end.near.parameters)) - np.array(fit.curvature_per_m)
+    errors = fit.errors.with_alternative(motion, curvature)
+    return replace(bent, fit=replace(fit, errors=errors, other_bend_deg=_near_deg(end)))
 
 
 def _held_straight(end: FitEnd, freed: Solution, curvature_sd: float, *, objects_left_out: bool) -> ImageFit:
@@ -166,7 +191,7 @@ def _bent(straight: FitEnd, freed: Problem, there: Solution, bent_margin: float)
     linear, margin = found.solution.linear, found.margin
     problem = reweighted(freed, linear, estimate_noise(freed, linear))
     solution = minimise_from(problem, linear, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)
-    end = FitEnd.of(problem, solution, straight.margin if margin is None else margin)
+    end = replace(FitEnd.of(problem, solution, straight.margin if margin is None else margin), near=found.near)
     if found.straight_margin is not None:
         straight = replace(straight, bent_margin=found.straight_margin)
         if found.straight_margin < 0.0:

@@ -156,6 +156,17 @@ def test_uncertainty_by_balls_beside_their_places_asks_for_their_part(
     assert "dose" not in by_balls.message
 
 
+def test_uncertainty_by_another_bend_asks_for_another_direction() -> None:
+    uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
+    (same,), (another,) = (
+        localisation_reasons(replace(uncertain, departures=Departures(other_bend_deg=d))) for d in (0.1, 0.8)
+    )
+    assert "bent otherwise" not in same.message
+    assert "its holes by 0.80°" in another.message
+    assert "turn the C-arm by 5°" in another.message
+    assert "dose" not in another.message
+
+
 def test_uncertainty_by_lag_asks_for_stillness() -> None:
     uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
     (lagging,) = localisation_reasons(replace(uncertain, departures=Departures(lag_px=0.42)))

@@ -72,6 +72,13 @@ def test_a_chain_keeps_the_shared_factors_of_its_last_link() -> None:
     assert (PoseEstimate.of(guide, ONE) @ nail).covariance[3, 3] > nail.covariance[3, 3]
 
 
+def test_another_estimate_counts_as_one_standard_deviation_of_pose_and_curvature() -> None:
+    errors = PoseErrors(np.zeros(2), np.zeros((8, 8)), np.zeros((8, 2)), np.zeros((8, 0)), bend_sd_per_m=2.0)
+    motion, curvature = np.array([0.01, -0.02, 0.0, 0.1, 0.2, 0.3]), np.array([0.0, 0.6])
+    away = np.concatenate([motion, curvature])
+    assert errors.with_alternative(motion, curvature).covariance_with_bend == pytest.approx(np.outer(away, away))
+
+
 def test_errors_conditioned_on_an_observation_are_those_of_least_squares() -> None:
     rng = np.random.default_rng(6)
     root, jacobian = rng.standard_normal((4, 4)), rng.standard_normal((3, 4))

@@ -1,4 +1,7 @@
-"""A bent nail of another tilt than the straight one's carries by how much it explains the image better."""
+"""A bent nail of another tilt than the straight one's carries by how much it explains the image better.
+
+One that is bent otherwise, beside it, makes it uncertain, or leaves the nail straight.
+"""
 
 from dataclasses import replace
 from unittest.mock import Mock
@@ -10,10 +13,11 @@ from services.registration.core.acceptance.image import fit_reasons
 from services.registration.core.nail import image_fit
 from services.registration.core.nail.bent_nail import BentOptimum, bent_optimum
 from services.registration.core.nail.image_fit import fit_image
-from services.registration.core.nail.least_squares import Problem, Solution
+from services.registration.core.nail.least_squares import Problem, Solution, linear_solution_at
 from services.registration.core.nail.occluders import Occluders
+from services.registration.core.nail.parameters import CURVATURE, Parameter
 from services.registration.core.nail.region import FitInput
-from services.registration.core.tuning import BENT_NAIL
+from services.registration.core.tuning import BENT_NAIL, NAIL_PRIORS
 from shared.errors import Rejected
 from tests.unit.services.registration.rendered_case import CAMERA_FROM_NAIL, SIZE_PX, rendered_parts, turned_nail
 from tests.unit.services.registration.xray_scene import Scene, calibration, render
@@ -41,3 +45,39 @@ def test_a_bent_nail_carries_its_margin_over_a_straight_one_of_another_tilt(
     assert evidence.straight_margin == (evidence.mirror_margin if carried else np.inf)
     named = any("nearly as well as a bent one" in reason.message for reason in fit_reasons(evidence))
     assert named is carried
+
+
+@pytest.mark.requirement("REG-05")
+@pytest.mark.parametrize(("curvature_per_m", "held_straight"), [(1.0, False), (0.0, True)])
+def test_a_nail_that_is_bent_otherwise_nearly_as_well_makes_the_axes_uncertain(
+    monkeypatch: pytest.MonkeyPatch, curvature_per_m: float, *, held_straight: bool
+) -> None:
+    def beside(problem: Problem, straight: Solution) -> BentOptimum:
+        optimum = bent_optimum(problem, straight)
+        assert optimum is not None
+        parameters = optimum.solution.parameters.copy()
+        parameters[CURVATURE], parameters[Parameter.PITCH_RAD] = curvature_per_m, parameters[Parameter.PITCH_RAD] + 0.01
+        near = replace(optimum.solution, linear=linear_solution_at(problem, parameters))
+        return replace(optimum, margin=20.0, straight_margin=None, near=near)
+
+    def bent_beyond(curvature: np.ndarray, _: np.ndarray) -> bool:
+        return bool(np.all(curvature != 0.0))
+
+    parts, view = rendered_parts(), calibration(SIZE_PX)
+    image = FitInput(
+        render(Scene(SIZE_PX, parts.nail, CAMERA_FROM_NAIL), view, 5), view, parts.nail, Occluders(None, parts.ring)
+    )
+    monkeypatch.setattr(image_fit, "is_bent", bent_beyond)
+    monkeypatch.setattr(image_fit, "BENT_NAIL", replace(BENT_NAIL, largest_error_ratio=np.inf))
+    alone = fit_image(image, turned_nail((3.0, -1.5)))
+    monkeypatch.setattr(image_fit, "bent_optimum", beside)
+    found = fit_image(image, turned_nail((3.0, -1.5)))
+    assert not isinstance(alone, Rejected)
+    assert not isinstance(found, Rejected)
+    assert found.fit.other_bend_deg > 0.5 > alone.fit.other_bend_deg
+    assert (found.fit.curvature_per_m == (0.0, 0.0)) is held_straight
+    if held_straight:  # by as much as the bend that was found
+        assert found.fit.errors.bend_sd_per_m > NAIL_PRIORS.straightness_sd_per_m
+    else:
+        sd_deg = [np.degrees(np.sqrt(one.fit.errors.covariance_with_bend[1, 1])) for one in (alone, found)]
+        assert sd_deg[1] > 1.5 * sd_deg[0]
