@@ -4,7 +4,7 @@ import base64
 from collections.abc import Callable
 
 from services.registration.core.fusion import LocalisedImage
-from services.registration.core.mounting_site import site_without_guide
+from services.registration.core.mounting_site import site_of_nail
 from services.registration.drawing import image_drawing
 from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame, calibration_of, pose_at_rest
 from services.registration.guidance_report import view_of_nail
@@ -23,7 +23,8 @@ def localised_frame(
     calibrated = calibration_of(job)
     result, found = timed_localisation(frame.pixels, calibrated, case.parts, job.image.sha256, job.elapsed_ms)
     calibration = calibrated.value if isinstance(calibrated, Accepted) else None
-    site = site_without_guide(result, calibration, case.parts, case.hexapod)
+    # with the guide in view the robot is mounted already
+    site = None if result.guide is not None else site_of_nail(result, calibration, case.parts, case.hexapod)
     drawing = None if calibration is None else image_drawing(job.image.sha256, calibration, result, case.parts, site)
     assessment, off_centre = view_of_nail(result, calibration, case.parts)
     pose = pose_at_rest(frame.robot)

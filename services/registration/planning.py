@@ -57,14 +57,14 @@ def answer_plan_request(request: PlanRequest, state: RegistrationState, oldest_i
     case = state.case
     if case is None or case.context.case_id != request.case_id:
         return refused("no_case", f"case '{request.case_id}' is not the open one; open it and take one more image")
-    newest = state.newest_sha256
+    newest = state.newest
     if newest is None:
         return refused("no_localisation", "no image has arrived in this case yet; take one")
     localised = state.images.get(request.image_sha256)
-    if newest != request.image_sha256 or localised is None:
+    if newest.sha256 != request.image_sha256 or localised is None:
         return refused(
             "stale",
-            f"a plan needs the newest image {newest[:12]}, localised; asked for was "
+            f"a plan needs the newest image {newest.sha256[:12]}, localised; asked for was "
             f"{request.image_sha256[:12]}; wait for the newest image's localisation and plan from it",
         )
     refusal = _stale_case(localised, case)
@@ -202,8 +202,10 @@ def _of_verification(request: PlanRequest, newest: LocalisedFrame, state: Regist
             "plan from its localisation",
         )
     verified = state.verified(hashes)
-    if verified is None:
-        return refused("unknown_verification", "these images were not verified last; verify them again")
+    if verified is None or any(state.images.get(one) is None for one in hashes):
+        return refused(
+            "unknown_verification", "these images were not verified last, or are not kept any more; verify them again"
+        )
     if verified.reasons:
         return _rejected("the verification was rejected", verified.reasons)
     if newest.image.name not in verified.images_used:
@@ -288,12 +290,10 @@ def head_trouble(newest: LocalisedFrame, state: RegistrationState) -> Refusal[He
     case = newest.case
     extension_mm, hexapod = case.context.head_extension_mm, case.hexapod
     guide_from_nail = view.ring_from_guide.mean.inverse() @ view.ring_from_nail.mean
-    refused = check_place(hexapod, view.pose, extension_mm, guide_from_nail, case.context.mount)
-    for earlier in state.images.accepted_elsewhere(newest):
-        before = _view(earlier)
-        if refused is None and before is not None:
-            refused = check_motion(hexapod, extension_mm, before, view)
-    return refused
+    at_rest = check_place(hexapod, view.pose, extension_mm, guide_from_nail, case.context.mount)
+    others = map(_view, state.images.accepted_elsewhere(newest))
+    moved = (check_motion(hexapod, extension_mm, before, view) for before in others if before is not None)
+    return at_rest or next(filter(None, moved), None)
 
 
 def _view(frame: LocalisedFrame) -> MotionView | None:

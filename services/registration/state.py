@@ -39,7 +39,7 @@ class RegistrationState:
         self.boot_epoch = boot_epoch
         self._kept = kept
         self._image_delay_s = image_delay_s
-        self._clock_s = clock_s
+        self.now_s = clock_s
         self._resting_since_s = float("inf")
         self._changed = threading.Condition()
         self._case: OpenCase | None = None
@@ -67,7 +67,7 @@ class RegistrationState:
             if pose is None:
                 self._resting_since_s = float("inf")
             elif before is None or not same_place(before, pose):
-                self._resting_since_s = self._clock_s()
+                self._resting_since_s = self.now_s()
             self._robot = state
 
     def note_announced(self, image: ImageReference) -> None:
@@ -87,7 +87,7 @@ class RegistrationState:
     def note_frame(self, header: FrameHeader, pixels: NDArray[np.float32]) -> ReceivedFrame:
         """Note an image that arrives now: a new epoch begins. The robot stood where it stands, if for long enough."""
         with self._changed:
-            rested = self._clock_s() - self._resting_since_s >= self._image_delay_s
+            rested = self.now_s() - self._resting_since_s >= self._image_delay_s
             return self._keep(header, pixels, self._robot if rested else None)
 
     def note_fetched_frame(self, header: FrameHeader, pixels: NDArray[np.float32]) -> ReceivedFrame:
@@ -98,7 +98,7 @@ class RegistrationState:
     def _keep(self, header: FrameHeader, pixels: NDArray[np.float32], robot: RobotState | None) -> ReceivedFrame:
         """Pixels that come after their announcement belong to the epoch that began with it: others may be newer."""
         epoch = self._announced.pop(header.sha256, None) or self._begin_epoch(header.reference())
-        received_at_s = None if header.age_s is None else self._clock_s() - header.age_s
+        received_at_s = None if header.age_s is None else self.now_s() - header.age_s
         frame = ReceivedFrame(header, pixels, epoch, robot, received_at_s)
         self._frames[header.sha256] = frame
         while len(self._frames) > self._kept:
@@ -120,10 +120,6 @@ class RegistrationState:
             )
             case = self._case
             return case if case is not None and set_up_of(case) == (case_id, revision) else None
-
-    def now_s(self) -> float:
-        """Registration's monotonic clock."""
-        return self._clock_s()
 
     def note_verified(self, sha256s: tuple[str, ...], verified: WireVerification) -> None:
         """Note what the last verification found."""
@@ -153,12 +149,6 @@ class RegistrationState:
         """The newest image, localised or not."""
         with self._changed:
             return self._newest
-
-    @property
-    def newest_sha256(self) -> str | None:
-        """Its hash."""
-        newest = self.newest
-        return None if newest is None else newest.sha256
 
     @property
     def epoch(self) -> str:

@@ -9,7 +9,7 @@ from scipy.special import ndtri
 
 from shared.geometry.lines import Line, angle_between_rad, read_only, unit
 
-# 8192 samples of a Sobol sequence: near the limit of 0.99 even random ones would err by no more than 0.0011.
+# 8192 quasi-random samples: near the limit of 0.99 even random ones would err by no more than 0.0011.
 _SAMPLES_LOG2 = 13
 # 95 % quantile of the length of a standard normal vector in the plane, in closed form.
 QUANTILE_95 = float(np.sqrt(-2.0 * np.log(0.05)))

@@ -54,7 +54,7 @@ class Parts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalisationResult:
-    """Estimates from one image. Without reasons it is accepted, and then nothing in it is None but the margin."""
+    """Estimates from one image. Without reasons it is accepted, and then no field is None."""
 
     reasons: tuple[Reason, ...]  # why it is rejected
     # What was found, also on rejection

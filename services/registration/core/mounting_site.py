@@ -54,13 +54,6 @@ class MountingSite:
         return all(screw.shown for screw in self.screws)
 
 
-def site_without_guide(
-    result: LocalisationResult, calibration: CArmCalibration | None, parts: Parts, hexapod: HexapodPart
-) -> MountingSite | None:
-    """Advise where the screws go when the image shows the nail and no guide: the robot is not mounted yet."""
-    return None if result.guide is not None else site_of_nail(result, calibration, parts, hexapod)
-
-
 def site_of_nail(
     result: LocalisationResult, calibration: CArmCalibration | None, parts: Parts, hexapod: HexapodPart
 ) -> MountingSite | None:

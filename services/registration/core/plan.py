@@ -26,7 +26,7 @@ from shared.errors import Accepted
 from shared.geometry.frames import Guide
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top, leg_lengths_mm, platform_pose
 from shared.geometry.hexapod_accuracy import MOVE_SD_DEG, MOVE_SD_MM
-from shared.geometry.hexapod_limits import limit_margins, limit_violations, path_violations
+from shared.geometry.hexapod_limits import limit_margins, path_violations
 from shared.geometry.lines import Line, angle_between_rad, rotations_between_rad
 from shared.geometry.parts import GuidePart
 from shared.geometry.transform import Transform
@@ -69,9 +69,7 @@ class PlannedMove:
     # displacement of the guide's middle and rotation of the guide
     travel_mm: float
     travel_deg: float
-    # Free travel along and about the drilling axis that was used to stay in reach
-    axial_shift_mm: float
-    axial_turn_deg: float
+    axial_shift_mm: float  # free travel along the drilling axis that was used to stay in reach
     predicted: tuple[PredictedHole, ...]
 
 
@@ -97,7 +95,6 @@ class _Freedom:
     """A use of the freedom along and about the drilling axis, and where the hexapod would stand."""
 
     shift_mm: float
-    turn_deg: float
     guide_from_target_guide: Transform[Guide, Guide]
     pose: PlatformPose
 
@@ -173,14 +170,14 @@ def _within_reach(
 
 
 def _out_of_reach(shortest: _Freedom, nearest: _Freedom, robot: RobotNow) -> str:
-    violations, also = (
-        [violation.message for violation in limit_violations(robot.hexapod, one.pose, robot.pivot_mm)]
+    violations, still = (
+        [violation.message for violation in path_violations(robot.hexapod, robot.pose, one.pose, robot.pivot_mm)]
         for one in (shortest, nearest)
     )
     return (
-        f"the hexapod cannot bring the guide onto the axes: {'; '.join(violations or also)}. With up to "
-        f"{PLAN_SEARCH.longest_shift_mm:g} mm along the axis it comes nearest at {nearest.shift_mm:+.1f} mm"
-        + (f", where still {also[0]}" if also else ", but the way there leaves the workspace")
+        f"the hexapod cannot bring the guide onto the axes: {'; '.join(violations)}. With up to "
+        f"{PLAN_SEARCH.longest_shift_mm:g} mm along the axis it comes nearest at {nearest.shift_mm:+.1f} mm, where "
+        f"still {still[0]}"
     )
 
 
@@ -195,7 +192,7 @@ def _freedom(
     top_from_guide = robot.hexapod.top_from_guide(robot.head_extension_mm)
     base_from_guide = base_from_top(robot.hexapod, robot.pose, robot.pivot_mm) @ top_from_guide
     pose = platform_pose(robot.hexapod, base_from_guide @ move @ top_from_guide.inverse(), robot.pivot_mm)
-    return _Freedom(shift_mm, turn_deg, move, pose)
+    return _Freedom(shift_mm, move, pose)
 
 
 def _planned(chosen: _Freedom, aims: tuple[_Aim, ...], robot: RobotNow) -> PlannedMove:
@@ -207,7 +204,6 @@ def _planned(chosen: _Freedom, aims: tuple[_Aim, ...], robot: RobotNow) -> Plann
         travel_mm=float(np.linalg.norm(move.translation_mm)),
         travel_deg=float(np.degrees(np.linalg.norm(move.rotation_vector_rad))),
         axial_shift_mm=chosen.shift_mm,
-        axial_turn_deg=chosen.turn_deg,
         predicted=tuple(_predicted(aim, move) for aim in aims),
     )
 

@@ -30,7 +30,7 @@ _EVIDENT: Final = fitted(
 _BESIDE: Final = fitted("by inspection: ten refused or far off of seeds 60007-60014, plate 60026 (decision 0019)")
 _FILTERED: Final = fitted("`distalock bench processing --seeds fit --count 12`: bilateral filter and local contrast")
 _TAILS: Final = fitted("by inspection: seeds 60000-60023, plain and through three filters (decision 0018)")
-_PROCESSED: Final = fitted("by inspection: own scenes 30024-30063 through local contrast and filters (decision 0018)")
+_PROCESSED: Final = fitted("by inspection: seeds 30024-30063 through local contrast and filters (decision 0018)")
 _CURVED: Final = fitted("`distalock bench processing --seeds fit`: local contrast, monitor chain (decision 0045)")
 _CURVE_LEFT: Final = fitted(
     "`distalock bench processing --kind local_contrast --kind monitor_chain --seeds fit --skip 100 --count 12` "
@@ -119,6 +119,7 @@ class OpeningOutline:
     smoothing_detector_mm: float = tuned(0.235, "mm", "Gaussian before sampling", _INSPECTION)
     smoothing_reach_detector_mm: float = tuned(1.41, "mm", "margin of smoothing", derived("six sd of it"))
     reach_in_radii: float = tuned(1.45, "hole radii", "how far from the centre the outline is searched", _INSPECTION)
+    centre_off_in_reaches: float = tuned(2.0, "reaches", "half the section about it", derived("centre and reach"))
     inner_in_radii: float = tuned(1.3, "hole radii", "largest distance of a crossing", _INSPECTION)
     bright_within_radii: float = tuned(0.55, "hole radii", "disc that shows the opening's grey value", _INSPECTION)
     bright_percentile: float = tuned(70.0, "%", "of that disc: the opening's grey value", _INSPECTION)
@@ -271,6 +272,8 @@ class NailNoise:
     lowest_frequency: float = tuned(0.06, "1/px", "below it the gain is one", derived("slow residuals: texture, too"))
     power_floor: float = tuned(0.002, "1", "power added before inversion", derived("limits the filter's gain to 22"))
     brightness_classes: int = tuned(12, "1", "classes of the variance by brightness", _INSPECTION)
+    least_of_a_class: int = tuned(24, "stage px", "fewest pixels with a variance of their own", _INSPECTION)
+    least_variance_share: float = tuned(0.001, "1", "least variance of a class over the largest", _INSPECTION)
     outlier_deviations: float = tuned(3.0, "sd", "beyond it residuals weigh less", standard("Huber's estimator"))
 
 
@@ -612,7 +615,8 @@ class GuideSearch:
     steep_grid_deg: float = tuned(4.0, "deg", "spacing of directions of steep views", _INSPECTION)
     steep_pairs: int = tuned(30, "1", "pairs of discs tried there", _TIME)
     shortest_pair: float = tuned(0.3, "1", "shortest pair of balls over the guide's extent", _INSPECTION)
-    probes: int = tuned(7, "1", "balls tested before a hypothesis with too few hits is given up", _TIME)
+    shortest_disc_pair: float = tuned(1.5, "1", "shortest pair of discs over that pair, seen farthest away", _TIME)
+    probes: int = tuned(7, "1", "balls tested in each round; too few hits after two or three end it", _TIME)
     refined_per_pair: int = tuned(4, "1", "poses refined for each pair of discs", _TIME)
     candidates_per_pair: int = tuned(40, "1", "best scores considered for each pair of discs", _TIME)
     least_score: int = tuned(6, "1", "balls on discs for which a pose is refined", _INSPECTION)
@@ -645,6 +649,8 @@ class GuideMeasurement:
     outlier_sigmas: float = tuned(4.0, "sd", "beyond which a ball is left out", standard("4 sigma"))
     systematic_sd_px: float = tuned(0.06, "px", "error of a ball's centre that is no noise", _ROWS_BESIDE_EDGES)
     concentric_share: float = tuned(0.7, "1", "a ring's ball within this share of a radius merges", _INSPECTION)
+    least_shrinkage: float = tuned(0.7, "1", "measured over geometric radius of a disc, at least", _INSPECTION)
+    most_shrinkage: float = tuned(1.1, "1", "the same, at most", _INSPECTION)
     wide_drift_px: float = tuned(1.0, "px", "error of the prediction from few discs", _INSPECTION)
     drift_px: float = tuned(0.4, "px", "error of the prediction from many discs", _INSPECTION)
     enough_identified: int = tuned(12, "1", "discs from which a pose predicts well enough to go narrow", _NARROWLY)
@@ -709,6 +715,7 @@ class HeadErrors:
     yield_share: float = tuned(0.03, "1", "share of the travel that the mount yields to soft tissue", _HEAD_CHECK)
     yield_deg_per_mm: float = tuned(0.05, "deg/mm", "turn of the base for each mm of travel", _HEAD_CHECK)
     nudge_sd_deg: float = tuned(0.05, "deg", "turn of a C-arm that seems to stand still", _HEAD_CHECK)
+    beyond_range_sigmas: float = tuned(2.0, "sd", "of an extension beyond what the head has", standard("95 %"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -865,7 +872,7 @@ class NailTracking:
 
 @dataclass(frozen=True, slots=True)
 class FrameTracking:
-    """Tracking from frame to frame (`core/guidance/tracking.py`, `run.py`)."""
+    """Tracking from frame to frame (`core/guidance/tracking.py`)."""
 
     check_every: int = tuned(8, "frames", "interval at which the reflected tilt is fitted", _FRAME_TIME)
     most_missed: int = tuned(20, "frames", "frames without an estimate that end a track", derived("a hand passes"))

@@ -159,7 +159,8 @@ OTHER_RIM: Final = Criterion(
     BEST_RIM.remedy, BEST_RIM.origin)
 CONTRAST_TO_NOISE: Final = Criterion(
     ReasonCode.HOLE_NOT_VISIBLE,
-    "brightness of a hole's opening over the metal around it, in standard deviations of a pixel's noise",
+    "brightness of a hole's opening over the metal around it, in standard deviations of the noise: a pixel's, times "
+    "the root of how many pixels it is correlated over",
     at_least(3.0, "", decimals=1), "raise the dose and take one more image", _INSPECTION)
 DIAMETER_EXCESS: Final = Criterion(
     ReasonCode.NAIL_MODEL_MISMATCH, "fitted diameter of the holes, and of the nail, against the nail file",

@@ -182,7 +182,7 @@ def track_nail(
     """Refine a predicted pose on the pixels of this frame; `acceptance.frame` decides whether it is accepted."""
     model = reduced_model(given, predicted, NAIL_TRACKING, NAIL_TRACKING.hole_px)
     if model is None:
-        return Rejected((NAIL_OUTSIDE.reason(),))
+        return Rejected((NAIL_OUTSIDE.reason(remedy="keep the holes inside the image"),))
     problem = problem_for(model, NAIL_TRACKING, _FITTED)
     problem = replace(problem, weight=np.full(len(problem.observed), appearance.weight))
     start = model.with_pose(appearance.parameters, predicted)

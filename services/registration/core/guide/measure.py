@@ -48,7 +48,8 @@ def shrinkage(
 ) -> float:
     """Measured over geometric radius of the discs that were identified: the display's curve makes shadows smaller."""
     geometric = shadows(calibration, guide.balls, identity.camera_from_guide).radius_px[identity.ball_index]
-    return float(np.clip(np.median(disc_radius_px[identity.disc_index] / geometric), 0.7, 1.1))
+    share = float(np.median(disc_radius_px[identity.disc_index] / geometric))
+    return float(np.clip(share, GUIDE_MEASUREMENT.least_shrinkage, GUIDE_MEASUREMENT.most_shrinkage))
 
 
 def ring_shadows(calibration: CArmCalibration, ring: RingPart) -> Discs:
@@ -143,10 +144,8 @@ def _correspondences(
     Their own are those of measurement and, where the file states one, the tolerance of their places.
     """
     centre = np.where(balls.seen[:, None], balls.centre_px, 0.0)
-    deviation = np.hypot(balls.standard_deviation_px, GUIDE_MEASUREMENT.systematic_sd_px)
-    if guide.balls.tolerance_mm is not None:
-        scale = px_per_mm(calibration.camera, pose, guide.balls.position_mm)
-        deviation = np.hypot(deviation, scale * guide.balls.tolerance_mm)
+    place_px = px_per_mm(calibration.camera, pose, guide.balls.position_mm) * guide.balls.position_sd_mm
+    deviation = np.hypot(np.hypot(balls.standard_deviation_px, GUIDE_MEASUREMENT.systematic_sd_px), place_px)
     return Correspondences(
         guide.balls.position_mm, calibration.distortion.undistort(centre), np.where(balls.seen, deviation, 1.0)
     )

@@ -136,7 +136,8 @@ def _disc_pairs(
     """
     extent = float(np.linalg.norm(balls_mm[:, None] - balls_mm[None], axis=-1).max())
     f = camera.focal_length_px
-    shortest = 1.5 * GUIDE_SEARCH.shortest_pair * extent * f / GUIDE_SEARCH.greatest_depth_mm
+    shortest_mm = GUIDE_SEARCH.shortest_disc_pair * GUIDE_SEARCH.shortest_pair * extent
+    shortest = shortest_mm * f / GUIDE_SEARCH.greatest_depth_mm
     longest = extent * f / GUIDE_SEARCH.least_depth_mm
     first, second = np.triu_indices(len(ideal_px), k=1)
     apart = np.linalg.norm(ideal_px[first] - ideal_px[second], axis=1)
@@ -300,8 +301,8 @@ def vote(
     cell_from_slope, occupied
         As in `DiscMap`.
     probes
-        Balls tested before a hypothesis is given up that has fewer than two hits after the second round, or four after
-        the third. Balls are missing at random, so the first round decides nothing.
+        Balls tested in each round. A hypothesis is given up that has fewer than two hits after the second round, or
+        four after the third. Balls are missing at random, so the first round decides nothing.
 
     Returns
     -------

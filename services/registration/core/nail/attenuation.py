@@ -2,7 +2,7 @@
 
 The path of a ray in the nail ends at surfaces: at the nail's, a bore's or the cannulation's. A surface that the ray
 grazes is a step in the image, or worse, and a few samples in a pixel see it jump. Each sample is therefore a mean
-over a bore's radius, or over the ray's distance from the nail's axis, a sixth of a pixel to either side. Then the
+over a bore's radius, or over the ray's distance from the nail's axis, 0.15 pixel to either side. Then the
 derivative by radius or distance is a plain difference, and that by the nail's motion follows from how the surface moves
 along its normal where the ray runs beside it.
 

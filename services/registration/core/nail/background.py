@@ -99,7 +99,7 @@ class SplineField(NamedTuple):
     along_weights: NDArray[np.float64]
     across_weights: NDArray[np.float64]
     grid: tuple[int, int]  # number of coefficients along and across
-    # Precision matrix of the prior for unit scale: squared second differences along both axes, shape (M, M)
+    # Precision matrix of the prior for unit scale: squared second and mixed differences, shape (M, M)
     roughness: NDArray[np.float64]
     # The same as a band (see `BorderedMatrix`), as wide as any two coefficients that act at one place are apart
     roughness_band: NDArray[np.float64]
@@ -142,7 +142,7 @@ def _roughness(along: int, across: int) -> NDArray[np.float64]:
         d = np.diff(np.eye(count), n=2, axis=0)
         return np.asarray(d.T @ d)
 
-    # mixed differences hold the coefficients that no pixel sees; the tiny ridge makes the prior proper
+    # mixed differences determine the coefficients that no pixel depends on
     d_along, d_across = np.diff(np.eye(along), axis=0), np.diff(np.eye(across), axis=0)
     mixed = np.kron(d_along.T @ d_along, d_across.T @ d_across)
     bend = np.kron(second_differences(along), np.eye(across)) + np.kron(np.eye(along), second_differences(across))

@@ -24,16 +24,16 @@ CHAIN_PARAMETERS = tuple(Parameter)[Parameter.LOG_BLUR_PX : Parameter.S_BEND + 1
 
 def blurred_image(image: NDArray[Real], sigma: float) -> NDArray[Real]:
     """Gaussian blur with edge values repeated, in the image's own precision."""
-    kernel = _blur_kernel(sigma)
+    kernel = _blur_kernel(sigma, FIT_REGION.kernel_reach)
     blurred = cv2.sepFilter2D(image, -1, kernel, kernel, borderType=cv2.BORDER_REPLICATE)
     return np.asarray(blurred, dtype=image.dtype)
 
 
 # a set of derivatives blurs dozens of images by the same few widths
 @lru_cache(maxsize=64)
-def _blur_kernel(sigma: float) -> NDArray[np.float64]:
+def _blur_kernel(sigma: float, reach_sd: float) -> NDArray[np.float64]:
     # Not GaussianBlur: its kernel's length is odd in steps, so that the result would jump while a fit moves sigma.
-    reach = max(1, int(np.ceil(FIT_REGION.kernel_reach * sigma)))
+    reach = max(1, int(np.ceil(reach_sd * sigma)))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(sigma, 1e-3)) ** 2)
     kernel /= kernel.sum()
     kernel.flags.writeable = False

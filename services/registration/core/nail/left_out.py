@@ -36,7 +36,7 @@ def covered_pixels(
     depth_mm: float,
     known_discs_px: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
-    """Mask of what to leave out of the nail's fit, shape (height, width); empty when the openings are clear.
+    """Mask of what to leave out of the nail's fit, shape (height, width); all False when the openings are clear.
 
     Parameters
     ----------

@@ -210,13 +210,13 @@ def variance_by_brightness(residual: NDArray[np.float64], modelled: NDArray[np.f
     brightness, variance = [], []
     for k in range(classes):
         members = klass == k
-        if np.count_nonzero(members) < 2 * classes:
+        if np.count_nonzero(members) < NAIL_NOISE.least_of_a_class:
             continue
         brightness.append(float(modelled[members].mean()))
         variance.append(_robust_variance(residual[members]))
     if not variance:
         brightness, variance = [float(modelled.mean())], [_robust_variance(residual)]
-    least = 1e-3 * max(variance) + 1e-12
+    least = NAIL_NOISE.least_variance_share * max(variance) + 1e-12
     return np.asarray(np.interp(modelled, brightness, np.maximum(variance, least)))
 
 

@@ -71,6 +71,10 @@ class Balls(NamedTuple):
     spread: NDArray[np.float64]
 
 
+# Slopes of the rays through a ball, over its radius over its depth: 1.03 at a slope of 0.25, beyond any image's edge.
+_OBLIQUE = 1.05
+
+
 @compiled
 def add_ball_paths(rays: PixelRays, places_px: NDArray[np.float64], balls: Balls, out_mm: NDArray[np.float64]) -> None:
     """Add the lengths in balls of the rays at places, shape (K, 2), in each of S pixels to `out_mm`, shape (S, K)."""
@@ -83,7 +87,7 @@ def add_ball_paths(rays: PixelRays, places_px: NDArray[np.float64], balls: Balls
     for ball in range(balls.radius_mm.shape[0]):
         x, y, z = balls.centre_mm[ball, 0], balls.centre_mm[ball, 1], balls.centre_mm[ball, 2]
         spread = balls.spread[ball]
-        reach = 1.05 * balls.radius_mm[ball] / z + spread * pixel
+        reach = _OBLIQUE * balls.radius_mm[ball] / z + spread * pixel
         if x / z + reach < low_x or x / z - reach > high_x or y / z + reach < low_y or y / z - reach > high_y:
             continue
         for n in range(slopes.shape[0]):

@@ -27,7 +27,7 @@ from services.registration.core.wires.outline import (
 )
 from shared.errors import Reason
 from shared.geometry.frames import Guide, Nail
-from shared.geometry.lines import Line, read_only
+from shared.geometry.lines import read_only
 from shared.geometry.parts import GuidePart, Hole, NailPart
 from shared.geometry.transform import Transform
 
@@ -97,9 +97,7 @@ class WireProblem:
         prior[np.ix_(others, others)] = np.linalg.inv(prior_covariance)
         return WireProblem(images, model, prior)
 
-    def at(
-        self, state: NDArray[np.float64], reach_detector_mm: float = WIRE_FITTING.reaches_detector_mm[-1]
-    ) -> "LinearisedFit":
+    def at(self, state: NDArray[np.float64], reach_detector_mm: float) -> "LinearisedFit":
         """Linearise all images and the prior at a state, shape (N,)."""
         mean = np.concatenate([self.model.mean, np.zeros(state.size - WIRE_UNKNOWNS)])
         normal, gradient = self.prior.copy(), self.prior @ (mean - state)
@@ -122,7 +120,7 @@ class WireProblem:
         for reach_mm in WIRE_FITTING.reaches_detector_mm:
             here = self.at(state, reach_mm)
             state = state + np.linalg.solve(here.normal, here.gradient)
-        return self.at(state)
+        return self.at(state, reach_mm)
 
 
 def _residuals(image: GradientImage, model: WireModel, unknowns: NDArray[np.float64], reach_px: float) -> Residuals:
@@ -151,7 +149,6 @@ class WireFit:
     """Estimate of a wire's axis."""
 
     model: WireModel
-    line_guide: Line  # in the guide's frame, directed along drilling
     # Offsets across the guide hole's axis at the guide and at the nail (see `WireModel`), shape (4,)
     offsets_mm: NDArray[np.float64]
     # Start and tip of the wire along the guide hole's axis, and their standard deviations, shape (2,)
@@ -262,7 +259,6 @@ def fit_wire(
     residuals, model = best.residuals, best.problem.model
     return WireFit(
         model=model,
-        line_guide=model.line_guide(best.state[:4]),
         offsets_mm=read_only(best.state[:4]),
         ends_mm=read_only(best.state[[START, TIP]]),
         ends_sd_mm=read_only(np.sqrt(np.diag(np.linalg.inv(best.normal))[[START, TIP]])),
@@ -302,7 +298,8 @@ def _along_least_certain(best: LinearisedFit) -> list[LinearisedFit]:
     values, vectors = np.linalg.eigh(covariance[:4, :4])
     one_sigma = covariance[:, :4] @ vectors[:, -1] / np.sqrt(values[-1])
     sigmas = np.linspace(-WIRE_FITTING.scan_sigmas, WIRE_FITTING.scan_sigmas, WIRE_FITTING.scan_steps)
-    return [best.problem.at(best.state + sigma * one_sigma) for sigma in sigmas]
+    reach_mm = WIRE_FITTING.reaches_detector_mm[-1]
+    return [best.problem.at(best.state + sigma * one_sigma, reach_mm) for sigma in sigmas]
 
 
 def _distinct(optima: list[LinearisedFit], best: LinearisedFit) -> list[LinearisedFit]:

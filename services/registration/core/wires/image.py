@@ -54,11 +54,11 @@ def gradient_image(
     guide: GuidePart,
     nail: NailPart,
     guide_from_nail: Transform[Guide, Nail],
-    margin_detector_mm: float = WIRE_VISIBILITY.margin_detector_mm,
+    margin_detector_mm: float,
 ) -> GradientImage:
     """Mask what hides wires (the nail outside its holes, balls, border, saturation) and compute the image's gradient.
 
-    The margin of the mask around the nail is as large as its place is uncertain; by default that of a fitted nail.
+    The margin of the mask around the nail is as large as its place is uncertain.
     """
     calibration = registered.calibration
     smooth = smoothed(registered, WIRE_VISIBILITY.blur_detector_mm)

@@ -71,13 +71,11 @@ def localise_nail_with_wires(
     The nail is an accepted estimate that did not model wires, if there is one.
     """
     if nail is not None:
-        rounds = NAIL_WITH_WIRES.fitted_rounds
-        return _alternating_fit(image, parts, nail.camera_from_nail, wire_diameter_mm, rounds, first_rough=False)
+        return _alternating_fit(image, parts, nail.camera_from_nail, wire_diameter_mm, first_rough=False)
     start = locate_nail_near_guide_axes(image, parts.guide, parts.nail)
     if isinstance(start, Rejected):
         return start
-    rounds = NAIL_WITH_WIRES.rough_rounds
-    return _alternating_fit(image, parts, start.value, wire_diameter_mm, rounds, first_rough=True)
+    return _alternating_fit(image, parts, start.value, wire_diameter_mm, first_rough=True)
 
 
 def locate_nail_near_guide_axes(
@@ -166,7 +164,6 @@ def _alternating_fit(
     parts: Parts,
     start: Transform[Camera, Nail],
     wire_diameter_mm: float,
-    rounds: int,
     *,
     first_rough: bool,
 ) -> Accepted[NailEstimate] | Rejected | None:
@@ -175,7 +172,7 @@ def _alternating_fit(
     Around a start that is rough the first round looks for wires farther from metal, and may find none.
     """
     pose, found_before = start, False
-    for round_index in range(rounds):
+    for round_index in range(NAIL_WITH_WIRES.rough_rounds if first_rough else NAIL_WITH_WIRES.fitted_rounds):
         rough = first_rough and round_index == 0
         margin_mm = NAIL_WITH_WIRES.rough_margin_detector_mm if rough else WIRE_VISIBILITY.margin_detector_mm
         wires = _wires(image, parts, image.camera_from_guide.inverse() @ pose, margin_mm, wire_diameter_mm)

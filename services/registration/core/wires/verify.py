@@ -24,6 +24,7 @@ from services.registration.core.estimation.joint import fuse
 from services.registration.core.fusion import LocalisedImage, disagreement, usable_estimate
 from services.registration.core.hole_axes import HoleEstimate, holes_at, offsets_by_motion
 from services.registration.core.localise import Parts, unmirrored
+from services.registration.core.tuning import WIRE_VISIBILITY
 from services.registration.core.wires.fit import WireFit, detect_wire
 from services.registration.core.wires.image import RegisteredImage, gradient_image
 from services.registration.core.wires.joint_estimate import JointRegistration, joint_registration, update_with_outline
@@ -186,7 +187,10 @@ def verify_wires(estimate: JointRegistration, parts: Parts, wire_diameter_mm: fl
     shared = _shared_holes(estimate, parts)
     if not shared:
         return WireVerification((NO_SHARED_HOLE.reason(),), (), ())
-    gradients = tuple(gradient_image(image, guide, nail, estimate.guide_from_nail) for image in estimate.images)
+    margin_mm = WIRE_VISIBILITY.margin_detector_mm
+    gradients = tuple(
+        gradient_image(image, guide, nail, estimate.guide_from_nail, margin_mm) for image in estimate.images
+    )
     reasons: list[Reason] = []
     wires: list[AxisComparison] = []
     for one in shared:
@@ -261,7 +265,7 @@ def compare_wire(
     length_mm = float(np.linalg.norm(hole.exit_guide_mm - hole.entry_guide_mm))
     nail_moved_mm = by_nail_motion @ fit.nail_motion
     offset = AxisOffset(here - nail_moved_mm, J @ fit.covariance @ J.T + by_curvature_mm2, length_mm)
-    return AxisComparison(_moved_hole(hole, nail_moved_mm), fit.line_guide, offset)
+    return AxisComparison(_moved_hole(hole, nail_moved_mm), fit.model.line_guide(fit.offsets_mm), offset)
 
 
 def _moved_hole(hole: HoleEstimate, across_mm: NDArray[np.float64]) -> HoleEstimate:
@@ -275,7 +279,7 @@ def _moved_hole(hole: HoleEstimate, across_mm: NDArray[np.float64]) -> HoleEstim
 
 def _compare_guide_hole(shared: _SharedHole) -> AxisComparison:
     hole, axis_guide = shared.hole, shared.in_guide.axis
-    assert hole.offset is not None  # `verify_wires` gives the holes a covariance
+    assert hole.offset is not None  # `_shared_holes` gives the holes a covariance
     mean_mm = axis_offset_mm(hole.axis_guide, axis_guide, hole.entry_guide_mm, hole.exit_guide_mm)
     covariance = hole.offset.covariance_mm2 + shared.by_curvature_mm2
     return AxisComparison(hole, axis_guide, AxisOffset(mean_mm, covariance, hole.offset.length_mm))

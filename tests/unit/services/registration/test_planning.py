@@ -163,8 +163,12 @@ def verified(*reasons: Reason, used: tuple[str, ...] = ("a", "oblique")) -> Wire
     return WireVerification(reasons, (wire,), (), tuple(sha256_of(name.encode())[:12] for name in used))
 
 
-def asked_after(verification: WireVerification, *names: str, newest: str = "a") -> object:
+def asked_after(
+    verification: WireVerification, *names: str, newest: str = "a", kept: tuple[str, ...] = ("a", "oblique")
+) -> object:
     state = RegistrationState("registration-1", 10, 0.5, lambda: 0.0)
+    for name in kept:
+        state.images.note(frame(localised(name)))
     state.note_verified((sha256_of(b"a"), sha256_of(b"oblique")), verification)
     request = PlanRequest(
         case_id="case-1",
@@ -173,6 +177,12 @@ def asked_after(verification: WireVerification, *names: str, newest: str = "a") 
         verified_image_sha256=tuple(sha256_of(name.encode()) for name in names),
     )
     return axes_for(request, frame(localised(newest)), state)
+
+
+def test_a_verification_whose_images_are_not_kept_is_asked_for_again() -> None:
+    answer = refusal(asked_after(verified(), "a", "oblique", kept=("a",)))
+    assert answer.code == "unknown_verification"
+    assert answer.message == "these images were not verified last, or are not kept any more; verify them again"
 
 
 def test_a_verification_brings_the_wires_onto_the_holes() -> None:

@@ -241,7 +241,9 @@ def test_an_image_whose_pixels_were_missed_begins_an_epoch_as_well(outside: Outs
     before = outside.state.epoch
     outside.calibrated("missed", None)
     eventually(lambda: outside.state.epoch != before)
-    assert outside.state.newest_sha256 == sha256_of(b"missed")
+    newest = outside.state.newest
+    assert newest is not None
+    assert newest.sha256 == sha256_of(b"missed")
 
 
 def test_an_image_of_an_older_set_up_is_not_localised(outside: Outside) -> None:

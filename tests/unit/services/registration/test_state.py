@@ -82,7 +82,9 @@ def test_pixels_that_come_late_are_not_the_newest() -> None:
     now = state.epoch
     fetched = state.note_fetched_frame(late, BLANK)
     assert (fetched.epoch, fetched.robot) == (announced, None)
-    assert (state.epoch, state.newest_sha256) == (now, newer.sha256)
+    newest = state.newest
+    assert newest is not None
+    assert (state.epoch, newest.sha256) == (now, newer.sha256)
     assert now != announced
 
 

@@ -22,19 +22,12 @@ class StraightenedBand:
     grey: NDArray[np.float32]  # shape (rows, columns), float32; the middle row is the band's middle line
     valid: NDArray[np.bool_]  # shape (columns,): the middle line is inside the image
     first_along_px: float  # place of column 0 along the band, from the band's centre
-    # Grey value of the band's dark metal, and of what lies beside it, by column, shape (columns,)
-    inside: NDArray[np.float64]
-    outside: NDArray[np.float64]
+    darkness: NDArray[np.float64]  # how much darker the band is than its sides, by column: about 0 without a nail
 
     def search_px(self, column: float, row_from_middle: float) -> NDArray[np.float64]:
         """Pixel of the search image, shape (2,), of a column and row of the band."""
         along = self.first_along_px + column
         return self.band.centre_px + along * self.band.along + row_from_middle * self.band.across
-
-    @property
-    def darkness(self) -> NDArray[np.float64]:
-        """How much darker the band is than its sides, by column: about 0 where there is no nail."""
-        return self.outside - self.inside
 
     @property
     def clear_darkness(self) -> float:
@@ -90,7 +83,7 @@ def straighten_band(image: SearchImage, band: Band) -> StraightenedBand:
     inside = _mean_of_rows(cut, valid, (across > settings.metal_from) & (across < settings.metal_to))
     beside = (across > settings.beside_from) & (across < settings.beside_to)
     outside = np.minimum(_mean_of_rows(cut, valid, beside & (rows < 0)), _mean_of_rows(cut, valid, beside & (rows > 0)))
-    return StraightenedBand(band, cut, valid[half_rows], float(columns[keep.start]), inside, outside)
+    return StraightenedBand(band, cut, valid[half_rows], float(columns[keep.start]), outside - inside)
 
 
 def _mean_of_rows(grey: NDArray[np.float32], valid: NDArray[np.bool_], rows: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -115,7 +115,8 @@ def _surroundings(
 ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
     """Smoothed grey values where the outline is searched, and the place of their first pixel, shape (2,)."""
     margin_px = whole_pixels(OPENING_OUTLINE.smoothing_reach_detector_mm, pixel_mm)
-    reach = int(np.ceil(2.0 * OPENING_OUTLINE.reach_in_radii * radius_px)) + margin_px
+    half_px = OPENING_OUTLINE.centre_off_in_reaches * OPENING_OUTLINE.reach_in_radii * radius_px
+    reach = int(np.ceil(half_px)) + margin_px
     limit = np.array(pixels.shape[::-1])
     low = np.clip(np.rint(centre_px).astype(int) - reach, 0, limit - 1)
     high = np.clip(np.rint(centre_px).astype(int) + reach + 1, low + 1, limit)

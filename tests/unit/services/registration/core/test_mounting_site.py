@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from services.registration.core.localise import localise
-from services.registration.core.mounting_site import MountingSite, mounting_site, site_of_nail, site_without_guide
+from services.registration.core.mounting_site import MountingSite, mounting_site, site_of_nail
 from services.registration.drawing import image_drawing
 from services.registration.overlay import overlay_png
 from services.registration.report import mounting_site_message
@@ -69,7 +69,8 @@ def test_an_image_of_the_nail_alone_is_advised_on_and_drawn() -> None:
     pixels, view = rendered(Shown(guide=None), seed=3)
     parts = rendered_parts()
     result = localise(pixels, view, parts)
-    site = site_without_guide(result, view, parts, HEXAPOD)
+    assert result.guide is None
+    site = site_of_nail(result, view, parts, HEXAPOD)
     assert site is not None
     message = mounting_site_message(site)
     assert [screw.id for screw in message.screws] == ["distal", "proximal"]

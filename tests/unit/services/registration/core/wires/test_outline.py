@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from services.registration.core.drill_clearance import across_basis
+from services.registration.core.tuning import WIRE_VISIBILITY
 from services.registration.core.wires.fit import NAIL_UNKNOWNS, WireProblem
 from services.registration.core.wires.image import gradient_image
 from services.registration.core.wires.model import TIP, wire_model
@@ -42,7 +43,7 @@ def test_outline_does_not_jump_while_a_wire_turns_end_on() -> None:
 def test_likelihood_hardly_changes_with_the_points_that_are_read() -> None:
     guide, nail = guide_part(), nail_part()
     view = view_of(oblique(38.0), ASKEW, seed=61)
-    prepared = (gradient_image(view, guide, nail, GUIDE_FROM_NAIL),)
+    prepared = (gradient_image(view, guide, nail, GUIDE_FROM_NAIL, WIRE_VISIBILITY.margin_detector_mm),)
     model = wire_model(guide, guide.holes[0], 2.0, 110.0, None)
     problem = WireProblem.of(prepared, model, joint(view).covariance)
     state = np.concatenate([model.mean, np.zeros(IMAGE_UNKNOWNS + NAIL_UNKNOWNS)])

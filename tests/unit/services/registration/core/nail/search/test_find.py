@@ -240,7 +240,7 @@ def test_openings_brighter_than_what_lies_beside_the_nail_leave_no_tie_among_pla
         grey = np.where(np.hypot(along, rows) < 3.0 * px_per_mm, 0.9, grey)
     band = Band(np.array([150.0, 0.0]), np.array([1.0, 0.0]), 12.5 * px_per_mm, 250.0)
     level = np.ones(300)
-    strip = StraightenedBand(band, grey.astype(np.float32), np.ones(300, dtype=bool), -150.0, 0.3 * level, 0.5 * level)
+    strip = StraightenedBand(band, grey.astype(np.float32), np.ones(300, dtype=bool), -150.0, 0.2 * level)
     forwards, backwards = find_pattern(strip, nail)
     for pattern in (forwards, backwards):
         middles = np.sort(pattern.centre_search_px[:, 0])
