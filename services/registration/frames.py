@@ -2,6 +2,7 @@
 
 import threading
 from collections import OrderedDict
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,10 +108,15 @@ class LocalisedFrames:
         with self._lock:
             return self._frames.get(sha256)
 
-    def accepted_beside(self, frame: LocalisedFrame, apart_from: tuple[str, ...]) -> tuple[LocalisedFrame, ...]:
-        """Accepted images with case and robot as they were for another one, in order, without those named by hash."""
-        beside = (other for other in self._accepted() if moved_between(frame, other) is False)
-        return tuple(other for other in beside if other.record.image.sha256 not in apart_from)
+    def accepted_beside(self, frame: LocalisedFrame) -> tuple[LocalisedFrame, ...]:
+        """Accepted images with case and robot as they were for another one, in order; it may be among them."""
+        return tuple(other for other in self._accepted() if moved_between(frame, other) is False)
+
+    def accepted_before(self, frames: Sequence[LocalisedFrame]) -> tuple[LocalisedFrame, ...]:
+        """Those beside the first of some images that were received before all of them."""
+        references = [one.record.image for one in frames]
+        beside = self.accepted_beside(frames[0])
+        return tuple(other for other in beside if all(other.record.image.precedes(one) for one in references))
 
     def accepted_elsewhere(self, frame: LocalisedFrame) -> tuple[LocalisedFrame, ...]:
         """Accepted images of the same set-up for which the robot stood elsewhere than for another one, in order."""

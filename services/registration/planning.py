@@ -283,7 +283,7 @@ def _of_images(frames: tuple[LocalisedFrame, ...]) -> PlanAxes | PlanReply:
 def head_trouble(newest: LocalisedFrame, state: RegistrationState) -> Refusal[HeadTrouble] | None:
     """Why the guide seems to be held otherwise than the case states; None when no image contradicts it."""
     # an image of a verification may show no nail, or was not accepted by itself: then one beside it decides
-    candidates = (newest, *state.images.accepted_beside(newest, ()))
+    candidates = (newest, *state.images.accepted_beside(newest))
     view = next((view for one in reversed(candidates) if (view := _view(one)) is not None), None)
     if view is None:
         return HEAD_NOT_SEEN.refusal()

@@ -162,7 +162,7 @@ class RegistrationService:
         against = _not_one_set_up(known)
         if against is not None:
             return Answer(encode(against))
-        earlier = self._state.images.accepted_beside(known[0], request.image_sha256)
+        earlier = self._state.images.accepted_before(known)
         images, before = tuple(one.image for one in known), tuple(one.image for one in earlier)
         if request.of == "guide":
             verified = verify_guide_alone(images, before, case.parts)

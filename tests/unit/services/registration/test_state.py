@@ -41,8 +41,21 @@ def test_images_beside_another_are_accepted_ones_with_the_robot_as_far_as_encode
         frame(localised("d"), None),
         newest,
     )
-    assert names(state.images.accepted_beside(newest, (newest.record.image.sha256,))) == ["a"]
+    assert names(state.images.accepted_beside(newest)) == ["a", "e"]
     assert names(state.images.accepted_elsewhere(newest)) == ["b"]
+
+
+def received(number: int, one: LocalisedFrame, store_id: str = "store-1") -> LocalisedFrame:
+    image = one.record.image.model_copy(update={"sequence": number, "store_id": store_id})
+    return replace(one, record=one.record.model_copy(update={"image": image}))
+
+
+def test_images_before_others_were_received_before_all_of_them_as_far_as_that_is_known() -> None:
+    first, second = received(3, frame(localised("c"))), received(5, frame(localised("e")))
+    before, between, after = (received(n, frame(localised(name))) for n, name in ((1, "a"), (4, "d"), (6, "f")))
+    state = knowing(before, received(2, frame(localised("b")), "store-2"), first, between, second, after)
+    assert names(state.images.accepted_before([second, first])) == ["a"]
+    assert names(state.images.accepted_before([second])) == ["a", "c", "d"]
 
 
 def test_the_last_accepted_image_of_each_place_outlives_a_run() -> None:
