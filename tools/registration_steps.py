@@ -22,7 +22,7 @@ from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.guide.locate import GuideFit, locate_guide
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.localise import Parts, distal_direction, known_balls, localise, unmirrored
-from services.registration.core.nail.covariance import pose_covariance
+from services.registration.core.nail.covariance import nail_pose_covariance
 from services.registration.core.nail.forward_model import model_at
 from services.registration.core.nail.least_squares import (
     LinearSolution,
@@ -112,7 +112,7 @@ def _last_stage(fit_input: FitInput, optimum: GlobalOptimum) -> tuple[LinearSolu
     problem = problem_for(model, FINAL_STAGE, STRAIGHT_NAIL)
     problem, here = whitened(problem, linear_solution_at(problem, optimum.parameters))
     solution = with_derivatives(problem, minimise_from(problem, here, FINAL_STAGE.first_steps, FINAL_STAGE.tolerance))
-    return solution.linear, pose_covariance(problem, solution, estimate_noise(problem, solution.linear))
+    return solution.linear, nail_pose_covariance(problem, solution, estimate_noise(problem, solution.linear))
 
 
 def draw(steps: Steps, axes: list[Axes]) -> None:

@@ -3,6 +3,6 @@
 import os
 
 # The arrays here are small: BLAS threads that wait for one another cost two thirds of the time of a localisation. This
-# must be said before numpy is loaded, and a value that a person has set stays.
+# must be set before numpy is loaded, and a value that a person has set stays.
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")

@@ -1,4 +1,4 @@
-"""Which image is localised next: always the newest. One that waits when a newer one comes is superseded, and says so.
+"""Which image is localised next: always the newest. One that waits when a newer one comes is reported as superseded.
 
 Nothing is planned from an older image, and an image takes seconds: a queue would only make the newest one wait.
 Whoever has an image on record without a localisation asks for it, and gets it, or why there is none.

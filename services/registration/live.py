@@ -225,9 +225,9 @@ def _estimated(
     return track_frame(frame.pixels, calibrated.value, parts, track)
 
 
-def _stands_still(key: PlatformPoseMessage | None, robot: RobotState | None) -> bool:
-    """Whether the robot stands where it stood for the key; where it stood is unknown while it moves."""
+def _stands_still(reference: PlatformPoseMessage | None, robot: RobotState | None) -> bool:
+    """Whether the robot stands where it stood for the reference image; where it stood is unknown while it moves."""
     if robot is None:  # there is none: nothing moves the guide
-        return key is None
+        return reference is None
     now = pose_at_rest(robot)
-    return key is not None and now is not None and same_place(key, now)
+    return reference is not None and now is not None and same_place(reference, now)

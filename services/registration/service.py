@@ -59,7 +59,7 @@ class RegistrationService:
         # Not retained: a value that is delivered later would look as if it were confirmed now.
         self._epochs = bus.publisher(runtime.keys.registration_epoch)
         self._left = threading.Event()
-        self._paths, self._tcp_was_said = FramePaths(), False
+        self._paths, self._tcp_was_logged = FramePaths(), False
         self._guidance = LiveGuidance(bus, runtime, settings, state)
 
     @contextmanager
@@ -119,10 +119,10 @@ class RegistrationService:
     def _note_path(self, sample: Sample) -> None:
         """Say it once when frames begin to come by TCP."""
         self._paths.note(sample)
-        if self._paths.fallen_back and not self._tcp_was_said:
+        if self._paths.fallen_back and not self._tcp_was_logged:
             detail = f"{self._paths.sentence}: imaging and this service share no memory; see `no shared memory` there"
             self._runtime.log.warning("frames come by TCP", detail=detail)
-        self._tcp_was_said = self._paths.fallen_back
+        self._tcp_was_logged = self._paths.fallen_back
 
     def _on_calibration(self, sample: Sample) -> None:
         message = decode(CalibrationMessage, sample.payload)

@@ -185,7 +185,7 @@ def disagreement(
 
 
 def _explained(grouping: _Grouping | None, names: tuple[str, ...], measured: str, scale: float | None) -> str:
-    size = "" if scale is None else f"the guide is {100.0 * scale:.1f} % as large as its file says"
+    size = "" if scale is None else f"the guide is {100.0 * scale:.1f} % as large as its file states"
     if len(names) == 2:
         return (
             f"images {names[0]} and {names[1]} see the nail in different places from the guide: {measured}; the guide "

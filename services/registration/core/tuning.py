@@ -37,7 +37,7 @@ _CURVE_LEFT: Final = fitted(
     "(decision 0045)"
 )
 _CHAMFERS: Final = fitted("by inspection: `distalock bench bent_nails --kind chamfers --seeds fit` (decision 0062)")
-_AS_GOOD: Final = fitted("by inspection: one judged image, and 25 that fit (decision 0045)")
+_AS_GOOD: Final = fitted("by inspection: one evaluation image, and 25 of other seeds (decision 0045)")
 _TOLERANCE: Final = physical("manufacturing tolerance, assumed")
 _ABANDONED: Final = fitted("65 abandoned fits, 30 scenes, `python -m benchmarks.accuracy.capture`: up to 4 occurred")
 _KEPT: Final = fitted("7 seeded scenes: the fit ends 0.03 standard deviations away at most (docs/nail-likelihood.md)")
@@ -520,7 +520,7 @@ _NARROWLY: Final = fitted(
 )
 _MODEL_ERRORS_FIT: Final = fitted(
     "errors of seeded scenes and of the 28 independent images, by inspection; `distalock bench model_errors` "
-    "estimates it on scenes that judge nothing"
+    "estimates it on scenes of no evaluation"
 )
 _TWO_IMAGES: Final = fitted(
     "by inspection: without it 3 um between two images turn the joint nail by 0.02 deg (docs/decisions/0011)"
@@ -707,7 +707,7 @@ class NailAsBuilt:
 
 @dataclass(frozen=True, slots=True)
 class HeadErrors:
-    """Errors of head, mount and C-arm that are usual, and what tells a wrong head (docs/decisions/0010)."""
+    """Errors of head, mount and C-arm that are usual, and what shows a wrong head (docs/decisions/0010)."""
 
     head_sd_mm: float = tuned(1.0, "mm", "place of the head on its file, per axis", _HEAD_TOLERANCE)
     head_sd_deg: float = tuned(1.0, "deg", "rotation of the head on its file, per axis", _HEAD_TOLERANCE)
@@ -914,7 +914,7 @@ class HoleRims:
 class PlanSearch:
     """Which moves bring a guide hole's axis onto the nail's (`core/plan.py`)."""
 
-    tilt_share: float = tuned(1.5, "1", "tilt errors of moves over those predicted: mounts give way", _UNRECORDED)
+    tilt_share: float = tuned(1.5, "1", "tilt errors of moves over those predicted: mounts yield", _UNRECORDED)
     longest_shift_mm: float = tuned(8.0, "mm", "free travel along the axis", _UNRECORDED)
     shifts: int = tuned(33, "1", "travels that are tried", derived("0.5 mm apart"))
     largest_turn_deg: float = tuned(20.0, "°", "free rotation about the axis", _UNRECORDED)

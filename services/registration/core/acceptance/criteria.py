@@ -221,7 +221,7 @@ BENT_MARGIN: Final = Criterion(
     "logarithm of the likelihood ratio between a straight nail and a bent one of another tilt, of which neither is "
     "accepted as bent",
     at_least(0.0, "", decimals=1), MIRROR_MARGIN.remedy,
-    "prior: nails of such a bend (radii of about 400 mm) are rare, and an image that tells neither apart counts for "
+    "prior: nails of such a bend (radii of about 400 mm) are rare, and an image that does not decide counts for "
     "the straight one; 0.4 is the smallest of the 28 independent images")
 STRAIGHT_MARGIN: Final = Criterion(
     ReasonCode.MIRROR_AMBIGUOUS,

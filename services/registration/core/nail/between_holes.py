@@ -1,7 +1,7 @@
-"""Holes beside what the file says of them: turned against one another, and beside the nail's axis.
+"""Holes that differ from their file: turned against one another, and beside the nail's axis.
 
-A file says how the holes lie in the nail, and the fit takes that as exact. Holes drilled askew or beside their place, a
-display that changed the brightness of one rim, or a thing over it leave each hole with a turn and a shift of its own.
+A file states how the holes lie in the nail, and the fit takes that as exact. Holes drilled askew or beside their place,
+a display that changed the brightness of one rim, or a thing over it leave each hole with a turn and a shift of its own.
 Neither follows from the pose: one Gauss-Newton step estimates them, from the rims of each hole and the nail's edges.
 """
 

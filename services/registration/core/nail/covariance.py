@@ -26,7 +26,7 @@ from services.registration.core.tuning import MODEL_ERRORS, NAIL_PRIORS
 _LEAST_KEPT = 1e-6
 
 
-def pose_covariance(problem: Problem, solution: Solution, noise: NoiseModel) -> NDArray[np.float64]:
+def nail_pose_covariance(problem: Problem, solution: Solution, noise: NoiseModel) -> NDArray[np.float64]:
     """Covariance of a small motion of the nail in its own frame, shape (6, 6): rotation vector (rad), translation (mm).
 
     The true pose is `camera_from_nail @ motion` with `motion` this small motion. The fit's weights count slow

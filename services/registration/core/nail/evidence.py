@@ -128,7 +128,7 @@ class Agreement:
         """By how much the variance of the nail's rotation and shape grows.
 
         What plain images show too counts nothing; beyond it each symptom adds the square of its excess. Where a filter
-        has left heavy tails, what is left of the noise says nothing of the errors, however well the parts agree.
+        has left heavy tails, what is left of the noise does not determine the errors, however well the parts agree.
         """
         s = AGREEMENT_OF_PARTS
         excesses = (
@@ -151,7 +151,7 @@ class Agreement:
 
         Wrong brightness between the rims turns the nail, but hardly moves it: edges stay in place. How far does not
         follow from the noise, of which a filter may have left next to none. A nail that appears larger than its file
-        may be nearer than the distance of its holes says: that distance is then not the file's.
+        may be nearer than the distance of its holes implies: that distance is then not the file's.
         """
         ratio = self.error_ratio
         grown = errors.with_image_errors_times(ratio, float(np.sqrt(ratio)), ratio)
@@ -223,8 +223,8 @@ def _scale_excess(nail: NailPart, parameters: NDArray[np.float64]) -> float:
 def pull_ratio(pulls: NDArray[np.float64], variances: NDArray[np.float64]) -> float:
     """Observed over predicted variance of the offset that is worst explained, at least 1.
 
-    A part with a large variance counts as much as several small ones: the effective number of parts says how certain
-    the observed ratio is, and a prior count of parts that agree keeps chance out of it.
+    A part with a large variance counts as much as several small ones: the effective number of parts determines how
+    certain the observed ratio is, and a prior count of parts that agree keeps chance out of it.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ from services.registration.core.nail.forward_model import (
     visible_fraction,
     visible_image,
 )
-from services.registration.core.nail.noise import NoiseModel, noise_model, robust_weight, whitening_filter
+from services.registration.core.nail.noise import NoiseModel, huber_precision, noise_model, whitening_filter
 from services.registration.core.nail.parameters import (
     STRAIGHT_NAIL,
     chamfer,
@@ -148,7 +148,7 @@ def reweighted(problem: Problem, linear: LinearSolution, noise: NoiseModel) -> P
 
     Divided by the inflation, the cost counts independent samples: only then do priors have their due weight.
     """
-    return replace(problem, weight=robust_weight(linear.residual, noise.variance) / noise.inflation)
+    return replace(problem, weight=huber_precision(linear.residual, noise.variance) / noise.inflation)
 
 
 def evenly_weighted(problem: Problem, noise: NoiseModel) -> Problem:

@@ -224,7 +224,7 @@ def _robust_variance(residual: NDArray[np.float64]) -> float:
     return float((DEVIATION_PER_MEDIAN * np.median(np.abs(residual))) ** 2)
 
 
-def robust_weight(residual: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:
+def huber_precision(residual: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:
     """Inverse variance, lowered for residuals beyond three standard deviations (Huber)."""
     deviations = np.abs(residual) / np.sqrt(variance)
     return np.asarray(np.minimum(1.0, NAIL_NOISE.outlier_deviations / np.maximum(deviations, 1e-9)) / variance)

@@ -88,7 +88,7 @@ def find_nail(
 
 
 def _another_hole(nail: NailPart, pattern: HolePattern) -> Reason:
-    """A hole looks like another, beside it or in another direction: where the nail ends tells them apart."""
+    """A hole looks like another, beside it or in another direction: where the nail ends distinguishes them."""
     sought = " and ".join(f"'{hole.id}'" for hole in nail.holes)
     others = ", ".join(f"'{hole.id}'" for hole in nail.other_holes) or "that the nail's file does not have"
     return FAR_END.reason(

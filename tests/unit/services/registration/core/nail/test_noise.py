@@ -7,8 +7,8 @@ from scipy.ndimage import gaussian_filter
 
 from services.registration.core.nail.noise import (
     covariance_of_sums,
+    huber_precision,
     noise_correlation,
-    robust_weight,
     variance_by_brightness,
     whitening_filter,
 )
@@ -76,7 +76,7 @@ def test_variance_follows_brightness() -> None:
 
 
 def test_outliers_weigh_less_than_their_variance_says() -> None:
-    weight = robust_weight(np.array([0.5, 3.0, 30.0]), np.full(3, 4.0))
+    weight = huber_precision(np.array([0.5, 3.0, 30.0]), np.full(3, 4.0))
     assert weight == pytest.approx([0.25, 0.25, 0.25 * 3.0 / 15.0])
 
 
