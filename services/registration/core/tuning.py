@@ -393,6 +393,7 @@ class BentNail:
         "margin of a straight nail over a bent one reflected, at half resolution, below which both are fitted in full",
         fitted("seeds 60000-60029 as they are: in full it is 1.4 to 4 times as large, and positive"),
     )
+    near_from_deg: float = tuned(0.15, "°", "between axes: fits of one optimum end nearer together", _INSPECTION)
     near_margin: float = tuned(
         20.0,
         "1",

@@ -202,8 +202,6 @@ AGREEMENT_OF_FILTERED: Final = replace(
     measured="the same, where the residual shows that a filter against noise was on", remedy=PROCESSING.remedy)
 # From here processing is the larger part of the error, and dose would not help.
 MUCH_PROCESSED: Final = 2.0
-# Up to here a nail that is bent otherwise is no cause: two fits of one optimum differ by no more.
-CERTAIN_BEND_DEG: Final = 0.15
 # Where frames of a C-arm that moved are the reason: what was averaged with earlier ones has tails.
 LAG_REMEDY: Final = "keep C-arm and patient still for a second, or switch off frame averaging, and take one more image"
 MIRROR_MARGIN: Final = Criterion(

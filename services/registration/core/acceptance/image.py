@@ -16,7 +16,6 @@ from services.registration.core.acceptance.criteria import (
     AXIS_BOUND,
     BENT_MARGIN,
     BEST_RIM,
-    CERTAIN_BEND_DEG,
     CHANCE_TO_PASS,
     CLEAR_VIEW,
     CONTRAST_TO_NOISE,
@@ -351,7 +350,7 @@ def _because_of_the_display(turn_deg: float) -> str:
 
 
 def _because_of_another_bend(apart_deg: float) -> str:
-    if apart_deg <= CERTAIN_BEND_DEG:
+    if apart_deg <= 0.0:
         return ""
     return f"; a nail that is bent otherwise, its holes by {apart_deg:.2f}°, explains the image nearly as well"
 

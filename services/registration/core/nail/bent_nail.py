@@ -76,8 +76,9 @@ def _margin(problem: Problem, one: Solution, found: list[Solution]) -> float | N
 
 def _near(problem: Problem, best: Solution, nails: list[Solution]) -> Solution | None:
     limit = best.cost + 2.0 * BENT_NAIL.near_margin
-    near = [one for one in nails if one.least_cost < limit and not _differ(problem, one, best)]
-    return max(near, key=lambda one: apart_rad(problem, one, best)) if len(near) > 1 else None
+    least, most = np.radians([BENT_NAIL.near_from_deg, TILT_SEARCH_STAGE.distinct_deg])
+    apart = [(apart_rad(problem, one, best), one) for one in nails if one.least_cost < limit]
+    return max((pair for pair in apart if least < pair[0] <= most), key=lambda pair: pair[0], default=(0.0, None))[1]
 
 
 def reflections(problem: Problem, parameters: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:

@@ -159,7 +159,7 @@ def test_uncertainty_by_balls_beside_their_places_asks_for_their_part(
 def test_uncertainty_by_another_bend_asks_for_another_direction() -> None:
     uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
     (same,), (another,) = (
-        localisation_reasons(replace(uncertain, departures=Departures(other_bend_deg=d))) for d in (0.1, 0.8)
+        localisation_reasons(replace(uncertain, departures=Departures(other_bend_deg=d))) for d in (0.0, 0.8)
     )
     assert "bent otherwise" not in same.message
     assert "its holes by 0.80°" in another.message
