@@ -57,12 +57,12 @@ class NailEstimate:
             fit.camera_from_nail,
             fit.errors,
             fit.evidence.mirror_margin,
-            fit.evidence.error_ratio,
-            fit.curvature_per_m,
-            fit.hole_spread_mm,
-            fit.display_turn_deg,
-            fit.evidence.beside_objects,
-            fit.other_bend_deg,
+            error_ratio=fit.evidence.error_ratio,
+            curvature_per_m=fit.curvature_per_m,
+            hole_spread_mm=fit.hole_spread_mm,
+            display_turn_deg=fit.display_turn_deg,
+            beside_objects=fit.evidence.beside_objects,
+            other_bend_deg=fit.other_bend_deg,
         )
 
 

@@ -1,6 +1,7 @@
 """The move that lays the guide's axes on the nail's: exact, within reach, least travel, or a refusal with figures."""
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from services.registration.core import plan
 from services.registration.core.acceptance.criteria import PlanRefusal
 from services.registration.core.drill_clearance import AxisOffset
 from services.registration.core.hole_axes import HoleEstimate
@@ -23,7 +25,7 @@ from shared.acceptance import Refusal
 from shared.errors import Accepted
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.hexapod import PlatformPose, base_from_top
-from shared.geometry.hexapod_limits import path_violations
+from shared.geometry.hexapod_limits import HexapodLimit, LimitViolation, path_violations
 from shared.geometry.lines import Line
 from shared.geometry.parts import GuidePart
 from shared.geometry.transform import Transform
@@ -167,6 +169,15 @@ def test_out_of_reach_says_which_leg_and_how_far() -> None:
     assert refusal.code is PlanRefusal.OUT_OF_REACH
     assert "mm long, it can be" in refusal.message
     assert "remount" in refusal.message
+
+
+def test_a_way_that_alone_leaves_the_workspace_is_refused_with_what_it_breaks(monkeypatch: pytest.MonkeyPatch) -> None:
+    broken = LimitViolation(HexapodLimit.LEG_LENGTH, "after 40 % of the way, leg 2 would be 130.00 mm long; remount")
+    monkeypatch.setattr(plan, "path_violations", Mock(return_value=(broken,)))
+    refusal = refused(holes_at(nail_at((1.0, 0.0, 0.0), (1.0, 0.0))), BOTH)
+    assert refusal.code is PlanRefusal.OUT_OF_REACH
+    assert f"onto the axes: {broken.message}. With up to" in refusal.message
+    assert refusal.message.endswith(f"where still {broken.message}")
 
 
 @pytest.mark.parametrize("hole_ids", [("middle",), (), ("distal", "distal")])
