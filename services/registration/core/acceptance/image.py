@@ -364,4 +364,4 @@ def _because_of_lag(lag_px: float) -> str:
 def _because_of_the_nail(hole_spread_mm: float) -> str:
     if hole_spread_mm <= NAIL_AS_BUILT.much_displaced_mm:
         return ""
-    return f"; beside the nail's axis its holes lie {hole_spread_mm:.2f} mm (rms) from where the nail's file has them"
+    return f"; the nail's holes lie {hole_spread_mm:.2f} mm (rms) from where its file has them"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.acceptance.image import HoleView, ResidualStatistics
-from services.registration.core.estimation.pose_estimate import PoseErrors, ray_to
+from services.registration.core.estimation.pose_estimate import PoseErrors, length_that_gives_depth_mm
 from services.registration.core.nail.between_holes import turns_between_holes
 from services.registration.core.nail.covariance import after_background, motion_gain
 from services.registration.core.nail.forward_model import visible_fraction_without_metal
@@ -20,11 +20,9 @@ from services.registration.core.nail.noise import NoiseModel
 from services.registration.core.nail.parameters import Parameter, prior_mean, prior_precision
 from services.registration.core.nail.region import FitRegion
 from services.registration.core.nail.search.holes import hole_midpoints_mm
-from services.registration.core.tuning import AGREEMENT_OF_PARTS, FOREIGN_OBJECTS, NAIL_EVIDENCE
-from shared.geometry.frames import Camera, Nail
+from services.registration.core.tuning import AGREEMENT_OF_PARTS, FOREIGN_OBJECTS, NAIL_EVIDENCE, NAIL_PRIORS
 from shared.geometry.lines import displacement_by_motion
 from shared.geometry.parts import Hole, NailPart, across_holes, hole_surface_points, place_of_hole
-from shared.geometry.transform import Transform
 from shared.xray.pixel_scale import pixels as pixels_of
 from shared.xray.tuning import DEVIATION_PER_MEDIAN
 
@@ -116,6 +114,7 @@ class Agreement:
     pull_ratio: float  # variance of the parts' pulls on the hole axes over the predicted one, at least 1
     bulge: float  # by how much the display brightens the middle of the range from metal to background, either way
     shape: float  # fitted radii beside the part file's, in standard deviations of the prior
+    shape_at_scale: float  # the same beside the part file's at the nail's own scale
     scale_excess: float  # by how much nail and holes together appear larger than in the file, as a share
     noise_inflation: float  # what noise is left correlated after whitening, in pixels: filters leave much
     softness: float  # hardening of the beam below the usual one, in standard deviations of the prior
@@ -128,12 +127,14 @@ class Agreement:
         """By how much the variance of the nail's rotation and shape grows.
 
         What plain images show too counts nothing; beyond it each symptom adds the square of its excess. Where a filter
-        has left heavy tails, what is left of the noise does not determine the errors, however well the parts agree.
+        has left heavy tails, what is left of the noise does not determine the errors, however well the parts agree;
+        elsewhere a scale of nail and holes is that of the part, and no symptom.
         """
         s = AGREEMENT_OF_PARTS
+        shape = self.shape if self.tails > s.usual_tails else self.shape_at_scale
         excesses = (
             min(self.bulge - s.usual_bulge, s.largest_bulge_excess) / s.bulge_of_one_deviation,
-            (self.shape - s.usual_shape) / s.shape_of_one_deviation,
+            (shape - s.usual_shape) / s.shape_of_one_deviation,
             (self.noise_inflation - s.usual_noise_inflation) / s.inflation_of_one_deviation,
             (self.softness - s.usual_softness) / s.softness_of_one_deviation,
             (self.sharpening - s.usual_sharpening) / s.sharpening_of_one_deviation,
@@ -146,19 +147,23 @@ class Agreement:
         """The same for standard deviations."""
         return float(np.sqrt(self.variance_ratio))
 
-    def widened(self, errors: PoseErrors, camera_from_nail: Transform[Camera, Nail], nail: NailPart) -> PoseErrors:
+    def widened(self, errors: PoseErrors, nail: NailPart) -> PoseErrors:
         """Errors of the pose, grown by what the model does not explain.
 
         Wrong brightness between the rims turns the nail, but hardly moves it: edges stay in place. How far does not
-        follow from the noise, of which a filter may have left next to none. A nail that appears larger than its file
-        may be nearer than the distance of its holes implies: that distance is then not the file's.
+        follow from the noise, of which a filter may have left next to none.
         """
         ratio = self.error_ratio
-        grown = errors.with_image_errors_times(ratio, float(np.sqrt(ratio)), ratio)
+        return errors.with_image_errors_times(ratio, float(np.sqrt(ratio)), ratio).with_more(self._turned(nail))
+
+    def spread_of_holes_mm(self, nail: NailPart) -> float:
+        """Standard deviation of the holes' places along the nail that explains its scale.
+
+        The nail's depth follows from the distance of its holes. If it appears larger than at that depth, it is nearer,
+        and so are its holes to each other: of two independent deviations the difference has twice the variance.
+        """
         excess = np.sqrt(max(self.scale_excess**2 - AGREEMENT_OF_PARTS.usual_scale_excess**2, 0.0))
-        depth_error_mm = excess * float(np.linalg.norm(camera_from_nail.translation_mm))
-        along_ray = np.concatenate([np.zeros(3), depth_error_mm * ray_to(camera_from_nail)])
-        return grown.with_more(np.outer(along_ray, along_ray) + self._turned(nail))
+        return float(np.sqrt(0.5) * excess * length_that_gives_depth_mm(nail))
 
     def _turned(self, nail: NailPart) -> NDArray[np.float64]:
         """Covariance by turns across the holes' axes through their middle, shape (6, 6): by processing, and of each."""
@@ -191,11 +196,13 @@ def agreement_of_parts(problem: Problem, solution: Solution, noise: NoiseModel) 
     pulls = _sums(parts, per_pixel * score[:, None])
     variances = _sums(parts, per_pixel**2 * variance[:, None])
     deviations = (parameters - prior_mean()) * np.sqrt(prior_precision())
+    scale_excess, shape_at_scale = scale_and_shape(nail, parameters)
     return Agreement(
         pull_ratio=pull_ratio(pulls, variances),
         bulge=abs(float(parameters[Parameter.BULGE])),
         shape=float(np.hypot(deviations[Parameter.HOLE_RADIUS_EXCESS_MM], deviations[Parameter.NAIL_RADIUS_EXCESS_MM])),
-        scale_excess=_scale_excess(nail, parameters),
+        shape_at_scale=shape_at_scale,
+        scale_excess=scale_excess,
         noise_inflation=float(noise.inflation.mean()),
         softness=-float(deviations[Parameter.HARDENING]),
         sharpening=abs(float(deviations[Parameter.SHARPENING])),
@@ -213,11 +220,12 @@ def _tails(residual: NDArray[np.float64], noise: NoiseModel) -> float:
     return float(np.mean(np.clip(residual / np.sqrt(noise.variance), -most, most) ** 2))
 
 
-def _scale_excess(nail: NailPart, parameters: NDArray[np.float64]) -> float:
-    """Scale, less 1, that explains the fitted radii of nail and holes best."""
+def scale_and_shape(nail: NailPart, parameters: NDArray[np.float64]) -> tuple[float, float]:
+    """Scale, less 1, that explains the fitted radii of nail and holes best, and what is left, in deviations."""
     radii_mm = np.array([nail.radius_mm, 0.5 * float(np.mean([hole.diameter_mm for hole in nail.holes]))])
     excess_mm = parameters[[Parameter.NAIL_RADIUS_EXCESS_MM, Parameter.HOLE_RADIUS_EXCESS_MM]]
-    return float(radii_mm @ excess_mm / (radii_mm @ radii_mm))
+    scale = float(radii_mm @ excess_mm / (radii_mm @ radii_mm))
+    return scale, float(np.linalg.norm(excess_mm - scale * radii_mm)) / NAIL_PRIORS.radius_sd_mm
 
 
 def pull_ratio(pulls: NDArray[np.float64], variances: NDArray[np.float64]) -> float:

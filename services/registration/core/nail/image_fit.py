@@ -209,7 +209,7 @@ def _with_evidence(end: FitEnd, errors: PoseErrors, *, objects_left_out: bool) -
     """The fit that ended so, its errors grown by what the model does not explain."""
     problem, solution, noise = end.problem, end.solution, end.noise
     model, parameters = problem.model, solution.parameters
-    parts, camera_from_nail = agreement_of_parts(problem, solution, noise), model.pose(parameters)
+    parts = agreement_of_parts(problem, solution, noise)
     evidence = FitEvidence(
         holes=hole_views(problem, solution),
         residual=residual_statistics(problem, solution, noise),
@@ -224,11 +224,11 @@ def _with_evidence(end: FitEnd, errors: PoseErrors, *, objects_left_out: bool) -
         residual_tails=parts.tails,
     )
     fit = NailFit(
-        camera_from_nail,
-        parts.widened(with_chamfers_as_seen(errors), camera_from_nail, model.nail),
+        model.pose(parameters),
+        parts.widened(with_chamfers_as_seen(errors), model.nail),
         evidence,
         curvature_of(parameters),
-        spread_of_holes_mm(problem, solution, noise),
+        max(spread_of_holes_mm(problem, solution, noise), parts.spread_of_holes_mm(model.nail)),
     )
     return ImageFit(fit, end)
 

@@ -125,10 +125,10 @@ def test_uncertainty_by_holes_beside_their_places_asks_for_the_nails_file() -> N
         localisation_reasons(replace(uncertain, departures=Departures(hole_spread_mm=s))) for s in (0.03, 0.06)
     )
     assert "more dose" in as_filed.message
-    assert "lie 0.06 mm (rms) from where the nail's file has them" in beside.message
+    assert "the nail's holes lie 0.06 mm (rms) from where its file has them" in beside.message
     assert "check that the file is that of the implanted nail" in beside.message
     (processed,) = localisation_reasons(replace(uncertain, departures=Departures(hole_spread_mm=0.06, error_ratio=5.0)))
-    assert "nail's file" not in processed.message
+    assert "the nail's holes" not in processed.message
 
 
 @pytest.mark.parametrize(

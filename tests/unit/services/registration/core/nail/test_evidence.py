@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from services.registration.core.estimation.pose_estimate import PoseErrors
-from services.registration.core.nail.evidence import Agreement, pull_ratio, rim_shares
+from services.registration.core.nail.evidence import Agreement, pull_ratio, rim_shares, scale_and_shape
+from services.registration.core.nail.parameters import PARAMETER_COUNT, Parameter
 from services.registration.core.tuning import AGREEMENT_OF_PARTS
 from shared.geometry.lines import displacement_by_motion
 from tests.unit.services.registration.core.nail.whole_region import REGION
-from tests.unit.services.registration.xray_scene import nail_part, posed_nail
+from tests.unit.services.registration.xray_scene import nail_part
 
 VARIANCES = np.full((26, 8), 0.01)
 
@@ -37,9 +38,9 @@ def test_one_part_that_has_nearly_all_the_weight_proves_little() -> None:
     assert pull_ratio(pulls, variances) == pytest.approx((4.0 + 4.0) / 5.0, rel=1e-3)
 
 
-USUAL = Agreement(1.0, 0.1, 0.7, 0.003, 4.0, 1.3, 2.0, 1.05, np.zeros((2, 2)))
+USUAL = Agreement(1.0, 0.1, 0.7, 0.7, 0.003, 4.0, 1.3, 2.0, 1.05, np.zeros((2, 2)))
 ERRORS = PoseErrors(np.zeros(3), np.eye(9), np.zeros((9, 3)), np.zeros((9, 1)))
-POSE, NAIL = posed_nail(10.0), nail_part()
+NAIL = nail_part()
 
 
 def test_what_plain_images_show_changes_nothing() -> None:
@@ -53,7 +54,7 @@ def test_what_plain_images_show_changes_nothing() -> None:
         ("pull_ratio", 3.0, 3.0),
         ("bulge", 0.3, 2.0),
         ("bulge", 0.9, 3.25),
-        ("shape", 1.0, 2.0),
+        ("shape_at_scale", 1.0, 2.0),
         ("noise_inflation", 6.6, 5.0),
         ("softness", 2.3, 2.0),
         ("sharpening", 3.0, 2.0),
@@ -66,7 +67,7 @@ def test_each_symptom_of_processing_enlarges_the_variance(symptom: str, value: f
 
 
 def test_symptoms_add_and_the_pulls_multiply() -> None:
-    assert replace(USUAL, pull_ratio=3.0, bulge=0.3, shape=1.0).variance_ratio == pytest.approx(9.0)
+    assert replace(USUAL, pull_ratio=3.0, bulge=0.3, shape_at_scale=1.0).variance_ratio == pytest.approx(9.0)
 
 
 def test_heavy_tails_are_the_least_that_an_image_counts_as_filtered() -> None:
@@ -74,15 +75,21 @@ def test_heavy_tails_are_the_least_that_an_image_counts_as_filtered() -> None:
     assert replace(USUAL, pull_ratio=5.0, tails=2.1).variance_ratio == pytest.approx(5.0)
 
 
+def test_a_scale_of_nail_and_holes_is_a_symptom_only_where_a_filter_shows() -> None:
+    scaled = replace(USUAL, shape=1.0, shape_at_scale=0.1)
+    assert scaled.variance_ratio == 1.0
+    assert replace(scaled, tails=1.06).variance_ratio == pytest.approx(2.0)
+
+
 def test_rotation_grows_by_the_ratio_and_position_by_its_root() -> None:
-    grown = replace(USUAL, pull_ratio=16.0).widened(ERRORS, POSE, NAIL).image_covariance
+    grown = replace(USUAL, pull_ratio=16.0).widened(ERRORS, NAIL).image_covariance
     np.testing.assert_allclose(np.diag(grown), [16.0] * 3 + [4.0] * 3 + [16.0] * 3, rtol=1e-4)
 
 
 def test_processing_turns_the_nail_about_its_holes_whatever_the_noise() -> None:
     known = replace(ERRORS, image_covariance=1e-12 * np.eye(9))
-    assert np.allclose(USUAL.widened(known, POSE, NAIL).image_covariance, known.image_covariance)
-    turned = replace(USUAL, pull_ratio=1e6).widened(known, POSE, NAIL).image_covariance[:6, :6]
+    assert np.allclose(USUAL.widened(known, NAIL).image_covariance, known.image_covariance)
+    turned = replace(USUAL, pull_ratio=1e6).widened(known, NAIL).image_covariance[:6, :6]
     turned = turned - np.diag([1e-6] * 3 + [1e-9] * 3)
     tilt_deg = np.degrees(np.sqrt(np.diag(turned)[:3]))
     np.testing.assert_allclose(tilt_deg[:2], AGREEMENT_OF_PARTS.processed_sd_deg, rtol=0.01)
@@ -93,21 +100,24 @@ def test_processing_turns_the_nail_about_its_holes_whatever_the_noise() -> None:
 
 def test_holes_that_are_turned_against_one_another_leave_the_nails_tilt_as_uncertain() -> None:
     known = replace(ERRORS, image_covariance=np.zeros((9, 9)))
-    askew = replace(USUAL, between_holes=np.diag([1e-4, 4e-4])).widened(known, POSE, NAIL).image_covariance
+    askew = replace(USUAL, between_holes=np.diag([1e-4, 4e-4])).widened(known, NAIL).image_covariance
     np.testing.assert_allclose(np.diag(askew)[:3], [1e-4, 4e-4, 0.0], atol=1e-12)
 
 
-def test_a_nail_that_appears_larger_may_be_nearer() -> None:
-    larger = (
-        replace(USUAL, scale_excess=np.hypot(0.01, AGREEMENT_OF_PARTS.usual_scale_excess))
-        .widened(ERRORS, POSE, NAIL)
-        .image_covariance
-    )
-    expected_mm = 0.01 * np.linalg.norm(POSE.translation_mm)
-    ray = POSE.rotation.T @ POSE.translation_mm / np.linalg.norm(POSE.translation_mm)
-    across = np.cross(ray, [1.0, 0.0, 0.0])
-    assert ray @ larger[3:6, 3:6] @ ray == pytest.approx(1.0 + expected_mm**2)
-    assert across @ larger[3:6, 3:6] @ across == pytest.approx(across @ across)
+def test_a_nail_that_appears_larger_or_smaller_has_holes_at_another_distance_than_filed() -> None:
+    apart_mm = NAIL.holes[-1].axis.point_mm[0] - NAIL.holes[0].axis.point_mm[0]
+    larger = replace(USUAL, scale_excess=-np.hypot(0.01, AGREEMENT_OF_PARTS.usual_scale_excess))
+    assert np.sqrt(2.0) * larger.spread_of_holes_mm(NAIL) == pytest.approx(0.01 * abs(apart_mm))
+    assert replace(USUAL, scale_excess=AGREEMENT_OF_PARTS.usual_scale_excess).spread_of_holes_mm(NAIL) == 0.0
+
+
+def test_radii_are_compared_at_the_nails_own_scale() -> None:
+    parameters = np.zeros(PARAMETER_COUNT)
+    parameters[Parameter.NAIL_RADIUS_EXCESS_MM] = 0.01 * NAIL.radius_mm
+    parameters[Parameter.HOLE_RADIUS_EXCESS_MM] = 0.005 * NAIL.holes[0].diameter_mm
+    assert scale_and_shape(NAIL, parameters) == pytest.approx((0.01, 0.0), abs=1e-9)
+    parameters[Parameter.HOLE_RADIUS_EXCESS_MM] *= -1.0
+    assert scale_and_shape(NAIL, parameters)[1] > 1.0
 
 
 def test_a_rim_is_seen_in_all_directions_unless_a_part_is_left_out() -> None:
