@@ -28,7 +28,7 @@ from services.registration.core.guidance.tracking import (
     track_frame,
 )
 from services.registration.core.localise import Parts, localise
-from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message
+from services.registration.guidance_report import DisplayRotationMemory, FrameFacts, guidance_message
 from shared.errors import ImageUnreadable, InputError, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import encode
@@ -131,7 +131,7 @@ class Guide:
 
     def __init__(self, parts: Parts, nominal: NominalOptions) -> None:
         self._parts, self._nominal = parts, nominal
-        self._picture = PictureTurn()
+        self._display = DisplayRotationMemory()
         self._before: CArmCalibration | None = None
         self._track: Track | None = None
         self._count = 0
@@ -158,7 +158,7 @@ class Guide:
             0,
             1e3 * (time.perf_counter() - began_s),
         )
-        return guidance_message(estimate, facts, self._picture)
+        return guidance_message(estimate, facts, self._display)
 
     def _estimate(self, pixels: NDArray[np.float32], calibration: CArmCalibration) -> FrameEstimate:
         if self._track is not None and self._track.frames_without_estimate < _MOST_MISSED:

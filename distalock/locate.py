@@ -17,7 +17,7 @@ from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.devices.nominal_values import ImageNominal, StatedValues, nominal_of_image
 from services.imaging.devices.received_image import Acquisition, Polarity
-from services.registration.core.fusion import LocalisedImage, fuse_localisations
+from services.registration.core.fusion import ImageResult, fuse_localisations
 from services.registration.core.localise import LocalisationResult, Parts, localise
 from services.registration.frames import parts_from_json
 from services.registration.overlay import overlay_png
@@ -210,9 +210,9 @@ def _run_each(given: argparse.Namespace) -> int:
     return next(code for code in (EXIT_BAD_INPUT, EXIT_REJECTED, EXIT_ACCEPTED) if code in codes)
 
 
-def localised_image(name: str, found: LocatedImage) -> LocalisedImage:
+def localised_image(name: str, found: LocatedImage) -> ImageResult:
     """What the core needs of an image; sentences call it by `name`."""
-    return LocalisedImage(name, found.pixels, found.calibration, found.result)
+    return ImageResult(name, found.pixels, found.calibration, found.result)
 
 
 def run(given: argparse.Namespace) -> int:

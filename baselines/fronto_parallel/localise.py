@@ -11,8 +11,8 @@ from services.registration.core.guide.locate import GuideFit
 from services.registration.core.guide_from_nail import NailEstimate
 from services.registration.core.localise import (
     LocalisationResult,
+    LocalisationStep,
     Parts,
-    Step,
     conclude,
     distal_direction,
     known_balls,
@@ -27,7 +27,7 @@ def localise_fronto_parallel(
     pixels: NDArray[np.float32],
     calibration: CArmCalibration,
     parts: Parts,
-    completed: Callable[[Step], None] = lambda _: None,
+    completed: Callable[[LocalisationStep], None] = lambda _: None,
 ) -> LocalisationResult:
     """Find guide and nail as `services.registration.core.localise.localise` does; always rejected.
 
@@ -39,9 +39,9 @@ def localise_fronto_parallel(
         By `baselines.fronto_parallel.calibration.calibrate_by_plates`.
     """
     guide = locate_guide_by_axes(calibration, parts.ring, parts.guide)
-    completed(Step.GUIDE)
+    completed(LocalisationStep.GUIDE)
     nail = _locate_nail(pixels, calibration, parts, guide.value if isinstance(guide, Accepted) else None)
-    completed(Step.NAIL)
+    completed(LocalisationStep.NAIL)
     return conclude(calibration, parts, guide, nail)
 
 

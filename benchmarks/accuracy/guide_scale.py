@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.accuracy.fusion import directions_deg
 from benchmarks.scenes.changed_parts import with_scaled_guide
 from benchmarks.scenes.set_ups import SetUp
-from services.registration.core.fusion import LocalisedImage, fuse_localisations
+from services.registration.core.fusion import ImageResult, fuse_localisations
 
 SCALES = (1.0, 1.01, 1.03)
 _DIRECTIONS = {"A": 0, "B": 2, "C": 3}
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] = ()) -> int:
     return 0
 
 
-def seen_from_three_directions(seed: int, scale: float) -> tuple[LocalisedImage, ...]:
+def seen_from_three_directions(seed: int, scale: float) -> tuple[ImageResult, ...]:
     """Images in which the ring was found, with what was localised by the file of an unscaled guide."""
     own = SetUp.of_seed(seed)
     built = replace(own, scenario=with_scaled_guide(own.scenario, scale))
@@ -44,11 +44,11 @@ def seen_from_three_directions(seed: int, scale: float) -> tuple[LocalisedImage,
         seen = built.turned(*leans[number]).seen(number)
         if seen.result is not None:
             pixels = seen.shot.pixels.astype(np.float32)
-            images.append(LocalisedImage(name, pixels, seen.calibration, seen.result))
+            images.append(ImageResult(name, pixels, seen.calibration, seen.result))
     return tuple(images)
 
 
-def said_of(seed: int, images: tuple[LocalisedImage, ...]) -> str:
+def said_of(seed: int, images: tuple[ImageResult, ...]) -> str:
     """Chi-square of some images together, with its limit, and the conclusion."""
     names = ", ".join(image.name for image in images)
     fused = fuse_localisations(images, SetUp.of_seed(seed).parts)

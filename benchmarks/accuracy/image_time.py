@@ -24,7 +24,7 @@ from benchmarks.scenes.random_scenes import nominal_of, parts_of, scene_of_seed
 from distalock.arguments import OneLineParser, whole_number, writable_file
 from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
-from services.registration.core.localise import Parts, Step, localise
+from services.registration.core.localise import LocalisationStep, Parts, localise
 from shared.errors import Accepted
 from simulation.render.image import render_scene
 from simulation.world.poses import starting_state
@@ -36,14 +36,16 @@ STAGES = ("ring and calibration", "guide", "nail", "axes and verdict", "whole im
 
 def stage_seconds(pixels: NDArray[np.float32], nominal: NominalGeometry, parts: Parts) -> NDArray[np.float64] | None:
     """Time of each of the `STAGES`, shape (5,); None when the image shows no ring."""
-    ends: dict[Step, float] = {}
+    ends: dict[LocalisationStep, float] = {}
     started = time.perf_counter()
     calibrated = calibrate_image(pixels, parts.ring, nominal)
     if not isinstance(calibrated, Accepted):
         return None
     calibrated_at = time.perf_counter()
     localise(pixels, calibrated.value, parts, lambda step: ends.update({step: time.perf_counter()}))
-    instants = np.array([started, calibrated_at, ends[Step.GUIDE], ends[Step.NAIL], time.perf_counter()])
+    instants = np.array(
+        [started, calibrated_at, ends[LocalisationStep.GUIDE], ends[LocalisationStep.NAIL], time.perf_counter()]
+    )
     return np.append(np.diff(instants), instants[-1] - started)
 
 

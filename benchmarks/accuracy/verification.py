@@ -21,7 +21,7 @@ from benchmarks.scenes.random_scenes import catalogue_scene_of_seed, shipped_par
 from benchmarks.scenes.set_ups import SeenImage, SetUp
 from services.registration.core.acceptance.criteria import AXIS_BOUND, ENTRY_BOUND
 from services.registration.core.drill_clearance import across_basis
-from services.registration.core.fusion import LocalisedImage
+from services.registration.core.fusion import ImageResult
 from services.registration.core.hole_axes import HoleEstimate, holes_at
 from services.registration.core.localise import LocalisationResult
 from services.registration.core.wires.nail_fit import relocalise_with_wires
@@ -148,19 +148,19 @@ def _slipped(set_up: SetUp, seed: int) -> SetUp:
     return replace(set_up, state=replace(set_up.state, platform=set_up.state.platform @ head @ slip @ head.inverse()))
 
 
-def _relocalised(set_up: SetUp, name: str, seen: SeenImage) -> LocalisedImage:
+def _relocalised(set_up: SetUp, name: str, seen: SeenImage) -> ImageResult:
     return relocalise_with_wires(_localised(name, seen), set_up.parts, WIRE_DIAMETER_MM)
 
 
-def _outcome(set_up: SetUp, images: tuple[LocalisedImage, ...], earlier: tuple[SeenImage, ...]) -> Outcome:
+def _outcome(set_up: SetUp, images: tuple[ImageResult, ...], earlier: tuple[SeenImage, ...]) -> Outcome:
     before = tuple(_localised("before", one) for one in earlier if not one.reasons)
     verified = verify_relocalised(images, before, set_up.parts, WIRE_DIAMETER_MM)
     return Outcome(tuple(reason.code.value for reason in verified.reasons), _errors(set_up, verified))
 
 
-def _localised(name: str, seen: SeenImage) -> LocalisedImage:
+def _localised(name: str, seen: SeenImage) -> ImageResult:
     result = seen.result or LocalisationResult(seen.reasons, None, None, None, None, None)
-    return LocalisedImage(name, seen.shot.pixels.astype(np.float32), seen.calibration, result)
+    return ImageResult(name, seen.shot.pixels.astype(np.float32), seen.calibration, result)
 
 
 def _errors(set_up: SetUp, verified: WireVerification) -> tuple[WireErrors, ...]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.fusion import LocalisedImage
+from services.registration.core.fusion import ImageResult
 from services.registration.core.localise import Parts
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
@@ -82,7 +82,7 @@ class LocalisedFrame:
     frame: ReceivedFrame
     case: OpenCase
     record: LocalisationRecord
-    image: LocalisedImage  # what the core needs of it; sentences name it by the beginning of its hash
+    image: ImageResult  # what the core needs of it; sentences name it by the beginning of its hash
 
 
 class LocalisedFrames:

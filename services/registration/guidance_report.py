@@ -12,9 +12,9 @@ from services.registration.core.c_arm_advice import (
     CArmAngles,
     HoleTilt,
     angles_after,
+    display_rotation_rad,
     hole_tilts,
     middle_between_holes_mm,
-    picture_turn_rad,
 )
 from services.registration.core.guidance.tracking import FrameEstimate
 from services.registration.core.localise import LocalisationResult, Parts
@@ -31,13 +31,13 @@ from shared.messages.guidance import (
 from shared.messages.imaging import ImageReference
 from shared.messages.registration import CArmCorrection, OffCentre, ViewAssessment
 
-# An image intensifier turns its picture by a degree or two in the earth's field; a person turns it by more.
-_SAME_PICTURE_RAD = float(np.radians(5.0))
+# An image intensifier rotates its image by a degree or two in the earth's field; a person rotates it by more.
+_SAME_DISPLAY_RAD = float(np.radians(5.0))
 
 
 @dataclass(frozen=True, slots=True)
 class FrameFacts:
-    """What is known of a frame besides its picture."""
+    """What is known of a frame besides its display."""
 
     image: ImageReference
     case_id: str | None
@@ -49,45 +49,49 @@ class FrameFacts:
     image_age_s: float | None = None  # None when nobody knows
 
 
-def ring_turn_rad(calibration: CArmCalibration) -> float:
-    """How the ring, which the detector carries, is turned about the beam in the picture."""
+def ring_rotation_rad(calibration: CArmCalibration) -> float:
+    """Rotation of the ring, which the detector carries, about the beam in the image."""
     rotation = calibration.camera_from_ring.rotation
     return float(np.arctan2(rotation[1, 0], rotation[0, 0]))
 
 
-class PictureTurn:
-    """Remembers how the picture is turned against the C-arm's axes, from views of a guide that stands still.
+class DisplayRotationMemory:
+    """Remembers how the display is rotated against the C-arm's axes, from views of a guide that stands still.
 
-    `turn_rad` is None until the C-arm was turned by two degrees. It holds as long as the picture is shown as it was:
-    the ring turns with the picture, and with nothing else that a C-arm does.
+    `rotation_rad` is None until the C-arm was turned by two degrees. It holds as long as the image is displayed as it
+    was: the ring rotates with the display, and with nothing else that a C-arm does.
     """
 
     def __init__(self) -> None:
         self._seen: AngledView | None = None
-        self._ring_turn_rad: float | None = None
-        self.turn_rad: float | None = None
+        self._ring_rotation_rad: float | None = None
+        self.rotation_rad: float | None = None
 
-    def note(self, view: AngledView, ring_turn_rad: float) -> None:
+    def note(self, view: AngledView, ring_rotation_rad: float) -> None:
         """Compare a view with an earlier one from at least two degrees away."""
-        turned = None if self._ring_turn_rad is None else np.angle(np.exp(1j * (ring_turn_rad - self._ring_turn_rad)))
-        if turned is None or abs(turned) > _SAME_PICTURE_RAD:
-            self._seen, self._ring_turn_rad, self.turn_rad = None, ring_turn_rad, None
+        turned = (
+            None
+            if self._ring_rotation_rad is None
+            else np.angle(np.exp(1j * (ring_rotation_rad - self._ring_rotation_rad)))
+        )
+        if turned is None or abs(turned) > _SAME_DISPLAY_RAD:
+            self._seen, self._ring_rotation_rad, self.rotation_rad = None, ring_rotation_rad, None
         if self._seen is None:
             self._seen = view
             return
-        turn = picture_turn_rad(self._seen, view)
+        turn = display_rotation_rad(self._seen, view)
         if turn is not None:
-            self._seen, self.turn_rad = view, turn
+            self._seen, self.rotation_rad = view, turn
 
     def forget_the_guide(self) -> None:
         """The guide may have been moved: the next view is compared with later ones only."""
         self._seen = None
 
     def positioner_turn(self, angles: CArmAngles, advice: Advice) -> PositionerTurn | None:
-        """The correction in the C-arm's own angles; None as long as the picture's turn is not known."""
-        if self.turn_rad is None:
+        """The correction in the C-arm's own angles; None while the display's rotation is unknown."""
+        if self.rotation_rad is None:
             return None
-        then = angles_after(angles, advice.correction, self.turn_rad)
+        then = angles_after(angles, advice.correction, self.rotation_rad)
         return PositionerTurn(
             orbital=then.orbital_deg - angles.orbital_deg,
             angular=then.angular_deg - angles.angular_deg,
@@ -96,22 +100,22 @@ class PictureTurn:
         )
 
     def positioner_shift(self, angles: CArmAngles, off_centre: NDArray[np.float64]) -> PositionerShift | None:
-        """The shift that centres the holes in the C-arm's own axes; None as long as the picture's turn is not known."""
-        if self.turn_rad is None:
+        """The shift that centres the holes in the C-arm's own axes; None while the display's rotation is unknown."""
+        if self.rotation_rad is None:
             return None
-        head, right, up = shift_in_room_mm(off_centre, angles, self.turn_rad).tolist()
+        head, right, up = shift_in_room_mm(off_centre, angles, self.rotation_rad).tolist()
         return PositionerShift(towards_head=head, to_patients_right=right, up=up)
 
 
-def guidance_message(estimate: FrameEstimate, facts: FrameFacts, picture: PictureTurn) -> Guidance:
-    """The message of one frame; its view is noted in `picture` when it has angles and a guide."""
+def guidance_message(estimate: FrameEstimate, facts: FrameFacts, display: DisplayRotationMemory) -> Guidance:
+    """The message of one frame; its view is noted in `display` when it has angles and a guide."""
     if facts.angles is not None and facts.calibration is not None and estimate.camera_from_guide is not None:
-        picture.note(AngledView(facts.angles, estimate.camera_from_guide), ring_turn_rad(facts.calibration))
+        display.note(AngledView(facts.angles, estimate.camera_from_guide), ring_rotation_rad(facts.calibration))
     advice, margin = estimate.advice, estimate.margin
     off_centre = None
     if advice is not None and facts.calibration is not None:
         off_centre = off_centre_mm(facts.calibration, advice.middle_camera_mm)
-    turn = None if advice is None or facts.angles is None else picture.positioner_turn(facts.angles, advice)
+    turn = None if advice is None or facts.angles is None else display.positioner_turn(facts.angles, advice)
     return Guidance(
         verdict="rejected" if advice is None else "accepted",
         reasons=tuple(ReasonMessage.of(reason) for reason in estimate.reasons),
@@ -137,7 +141,7 @@ def guidance_message(estimate: FrameEstimate, facts: FrameFacts, picture: Pictur
         off_centre_mm=None if off_centre is None else off_centre_message(off_centre),
         positioner_shift_mm=None
         if off_centre is None or facts.angles is None
-        else picture.positioner_shift(facts.angles, off_centre),
+        else display.positioner_shift(facts.angles, off_centre),
     )
 
 
@@ -161,7 +165,7 @@ def assessment_message(tilts: tuple[HoleTilt, ...]) -> ViewAssessment:
 
 
 def off_centre_message(off_centre: NDArray[np.float64]) -> OffCentre:
-    """How far the holes lie off the picture's middle, as a message."""
+    """How far the holes lie off the image's middle, as a message."""
     return OffCentre(to_image_right=float(off_centre[0]), to_image_down=float(off_centre[1]))
 
 

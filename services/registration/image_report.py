@@ -3,7 +3,7 @@
 import base64
 from collections.abc import Callable
 
-from services.registration.core.fusion import LocalisedImage
+from services.registration.core.fusion import ImageResult
 from services.registration.core.mounting_site import site_of_nail
 from services.registration.drawing import image_drawing
 from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame, calibration_of, pose_at_rest
@@ -47,4 +47,4 @@ def localised_frame(
         assessment=assessment,
         off_centre_mm=off_centre,
     )
-    return LocalisedFrame(frame, case, record, LocalisedImage(job.image.sha256[:12], frame.pixels, calibration, result))
+    return LocalisedFrame(frame, case, record, ImageResult(job.image.sha256[:12], frame.pixels, calibration, result))

@@ -32,7 +32,7 @@ from services.registration.frames import (
     same_place,
     set_up_of,
 )
-from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message
+from services.registration.guidance_report import DisplayRotationMemory, FrameFacts, guidance_message
 from services.registration.settings import RegistrationSettings
 from services.registration.state import RegistrationState
 from shared.bus.port import Bus
@@ -64,7 +64,7 @@ class LiveGuidance:
         self._frames: LatestSlot[CalibrationMessage] = LatestSlot()
         self._lock = threading.Lock()
         self._setup: tuple[str | None, int] | None = None
-        self._run, self._picture = Run(), PictureTurn()
+        self._run, self._display = Run(), DisplayRotationMemory()
         self._robot_pose: PlatformPoseMessage | None = None
         self._arrived: OrderedDict[str, int] = OrderedDict()
         self._arrivals = 0
@@ -125,7 +125,7 @@ class LiveGuidance:
             if outcome.starts_track:
                 self._robot_pose = record.robot_pose
             if not outcome.confirms:
-                self._picture.forget_the_guide()
+                self._display.forget_the_guide()
             if outcome.publish:
                 elapsed_ms = record.localisation.timing_ms.total
                 self._publish(estimate, record.image, localised.frame, case, calibration, elapsed_ms)
@@ -140,7 +140,7 @@ class LiveGuidance:
             return None
         if self._setup != setup:
             self._setup = setup
-            self._run, self._robot_pose, self._picture = Run(), None, PictureTurn()
+            self._run, self._robot_pose, self._display = Run(), None, DisplayRotationMemory()
         return self._run
 
     def _number(self, sha256: str) -> None:
@@ -212,7 +212,7 @@ class LiveGuidance:
         context = case.context
         case_id, revision, age_s = context.case_id, context.revision, frame.age_s(self._state.now_s())
         facts = FrameFacts(image, case_id, revision, angles, calibration, skipped, elapsed_ms, age_s)
-        self._publisher.put(encode(guidance_message(estimate, facts, self._picture)))
+        self._publisher.put(encode(guidance_message(estimate, facts, self._display)))
 
 
 def _estimated(

@@ -12,7 +12,7 @@ from services.registration.core.fusion import FusedLocalisation
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.guide_from_nail import NailEstimate
 from services.registration.core.hole_axes import HoleEstimate
-from services.registration.core.localise import LocalisationResult, Parts, Step, localise
+from services.registration.core.localise import LocalisationResult, LocalisationStep, Parts, localise
 from services.registration.core.mounting_site import MountingScrew, MountingSite
 from shared.errors import Accepted, Rejected
 from shared.geometry.bend import MM_PER_M
@@ -45,7 +45,9 @@ if TYPE_CHECKING:  # locating one image loads no wires
     from services.registration.core.wires.verify import AxisComparison, WireVerification
 
 Axis = TypeVar("Axis", VerifiedWire, VerifiedGuideHole)
-Localiser = Callable[[NDArray[np.float32], CArmCalibration, Parts, Callable[[Step], None]], LocalisationResult]
+Localiser = Callable[
+    [NDArray[np.float32], CArmCalibration, Parts, Callable[[LocalisationStep], None]], LocalisationResult
+]
 
 
 class LocalisationOfSeveral(Localisation):
@@ -143,11 +145,11 @@ def timed_localisation(
     if isinstance(calibrated, Rejected):
         result = LocalisationResult(calibrated.reasons, None, None, None, None, None)
         return result, localisation_message(result, None, image_sha256, Timing(total=ring_ms, ring=ring_ms), name)
-    ends: dict[Step, float] = {}
+    ends: dict[LocalisationStep, float] = {}
     start = time.perf_counter()
     result = localise_by(pixels, calibrated.value, parts, lambda step: ends.update({step: time.perf_counter()}))
-    guide_ms = 1e3 * (ends[Step.GUIDE] - start)
-    nail_ms = 1e3 * (ends[Step.NAIL] - ends[Step.GUIDE])
+    guide_ms = 1e3 * (ends[LocalisationStep.GUIDE] - start)
+    nail_ms = 1e3 * (ends[LocalisationStep.NAIL] - ends[LocalisationStep.GUIDE])
     times = Timing(total=ring_ms + 1e3 * (time.perf_counter() - start), ring=ring_ms, guide=guide_ms, nail=nail_ms)
     return result, localisation_message(result, calibrated.value, image_sha256, times, name)
 

@@ -27,7 +27,7 @@ from shared.bus.tls import SCHEME, TlsFiles
 from shared.bus.zenoh_bus import open_bus
 from shared.errors import BusUnavailable, ConfigurationError
 from shared.memory import share_arenas
-from shared.messages.base import WireModel, decode, encode
+from shared.messages.base import MessageModel, decode, encode
 from shared.messages.cases import CaseContext
 from shared.messages.presence import ServiceName, ServiceStatus
 from shared.messages.refusals import BusRefusals
@@ -40,7 +40,7 @@ _OPEN_WITHIN_S: Final = 5.0
 _AGAIN_AFTER_S: Final = 1.0
 _LOWEST_PRIORITY: Final = 10
 
-M = TypeVar("M", bound=WireModel)
+M = TypeVar("M", bound=MessageModel)
 
 
 def receive_room(bus: Bus, keys: Keys, view: RoomView, clock_s: Callable[[], float]) -> None:

@@ -27,13 +27,13 @@ def is_empty(values: tuple[object, ...]) -> bool:
     return not values
 
 
-class WireModel(BaseModel):
+class MessageModel(BaseModel):
     """Base of everything on the wire."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True, serialize_by_alias=True)
 
 
-class Message(WireModel):
+class Message(MessageModel):
     """Base of every message; concrete classes set `schema_name` to a literal such as ``distalock/frame/1``."""
 
 
@@ -43,10 +43,10 @@ class MessageInvalid(InputError):
     code = "message_invalid"
 
 
-M = TypeVar("M", bound=WireModel)
+M = TypeVar("M", bound=MessageModel)
 
 
-def encode(message: WireModel) -> bytes:
+def encode(message: MessageModel) -> bytes:
     """Message to JSON bytes."""
     return message.model_dump_json(by_alias=True).encode()
 
@@ -67,7 +67,7 @@ def decode(model: type[M], content: bytes) -> M:
         raise MessageInvalid(f"not a valid {model.__name__}: {place}: {first['msg']}") from None
 
 
-class ReasonMessage(WireModel):
+class ReasonMessage(MessageModel):
     """A reason for a refusal."""
 
     code: ReasonCode

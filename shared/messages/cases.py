@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from shared.equipment import USUAL_DRILL_DIAMETER_MM, Bone
-from shared.messages.base import Finite, Identifier, Message, WireModel
+from shared.messages.base import Finite, Identifier, Message, MessageModel
 
 Side = Literal["left", "right"]
 Mount = Literal["bone", "nail_head"]
@@ -13,7 +13,7 @@ HeadExtension = Annotated[float, Field(ge=40.0, le=80.0, allow_inf_nan=False)]
 DrillDiameter = Annotated[float, Field(ge=1.0, le=10.0, allow_inf_nan=False)]
 
 
-class ObjectInside(WireModel):
+class ObjectInside(MessageModel):
     """Something that people reported to be in a hole of the guide or the bone."""
 
     kind: Literal["wire", "drill", "screw"]

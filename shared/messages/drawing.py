@@ -4,13 +4,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from shared.messages.base import Finite, Message, Pixel, Sha256, WireModel
+from shared.messages.base import Finite, Message, MessageModel, Pixel, Sha256
 
 Polyline = tuple[Pixel, ...]
 Length = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
 
-class DrawnBall(WireModel):
+class DrawnBall(MessageModel):
     """A ball of ring or guide."""
 
     id: str
@@ -22,7 +22,7 @@ class DrawnBall(WireModel):
     )
 
 
-class DrawnEllipse(WireModel):
+class DrawnEllipse(MessageModel):
     """An ellipse in pixels."""
 
     centre_px: Pixel
@@ -31,7 +31,7 @@ class DrawnEllipse(WireModel):
     major_axis_deg: Finite = Field(description="Direction of the major axis, from the columns' to the rows' direction.")
 
 
-class DrawnHole(WireModel):
+class DrawnHole(MessageModel):
     """A hole of the nail.
 
     Attributes
@@ -53,7 +53,7 @@ class DrawnHole(WireModel):
     exit_95: DrawnEllipse | None
 
 
-class DrawnPath(WireModel):
+class DrawnPath(MessageModel):
     """Where a drill goes that is led by the guide's hole of this name, as the guide stands in the image."""
 
     id: str
@@ -64,7 +64,7 @@ class DrawnPath(WireModel):
     )
 
 
-class DrawnScrew(WireModel):
+class DrawnScrew(MessageModel):
     """A screw of the mount where it is advised."""
 
     id: Literal["distal", "proximal"]
@@ -73,7 +73,7 @@ class DrawnScrew(WireModel):
     radius_px: Length
 
 
-class Drawing(WireModel):
+class Drawing(MessageModel):
     """Everything in the pixels of one view."""
 
     ring_balls: tuple[DrawnBall, ...]

@@ -5,10 +5,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from shared.geometry.transform import From, To, Transform
-from shared.messages.base import Matrix3, Matrix4, MessageInvalid, Pixel, Quaternion, Vector3, WireModel
+from shared.messages.base import Matrix3, Matrix4, MessageInvalid, MessageModel, Pixel, Quaternion, Vector3
 
 
-class TransformMessage(WireModel):
+class TransformMessage(MessageModel):
     """A rigid transform: maps coordinates of `from_frame` to coordinates of `to_frame`."""
 
     to_frame: str

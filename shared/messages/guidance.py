@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from shared.messages.base import Finite, Identifier, Message, ReasonMessage, Verdict, WireModel
+from shared.messages.base import Finite, Identifier, Message, MessageModel, ReasonMessage, Verdict
 from shared.messages.imaging import ImageAge, ImageReference
 from shared.messages.registration import IMAGE_AGE, CArmCorrection, OffCentre, ViewAssessment
 
@@ -12,7 +12,7 @@ GuidanceOrigin = Literal["localised", "followed"]
 Degrees = Annotated[float, Field(allow_inf_nan=False, ge=0.0)]
 
 
-class GuidedHole(WireModel):
+class GuidedHole(MessageModel):
     """Tilt of one hole's axis against the ray through it, in degrees.
 
     `about_image_x` and `about_image_y` turn the ray to the axis, about the camera frame's axes, right-handed.
@@ -24,14 +24,14 @@ class GuidedHole(WireModel):
     about_image_y: Finite
 
 
-class GuidanceUncertainty(WireModel):
+class GuidanceUncertainty(MessageModel):
     """Standard deviation of every tilt and of the correction, in degrees: the holes are in one piece of metal."""
 
     about_image_x: Degrees
     about_image_y: Degrees
 
 
-class PositionerTurn(WireModel):
+class PositionerTurn(MessageModel):
     """The correction in the C-arm's own angles: how far to turn each, and where they are then, in degrees."""
 
     orbital: Finite
@@ -40,7 +40,7 @@ class PositionerTurn(WireModel):
     angular_then: Finite
 
 
-class PositionerShift(WireModel):
+class PositionerShift(MessageModel):
     """Shift of the C-arm that centres the holes, for a patient on the back: along the table, across it, up; in mm."""
 
     towards_head: Finite
@@ -48,7 +48,7 @@ class PositionerShift(WireModel):
     up: Finite
 
 
-class MirrorCheck(WireModel):
+class MirrorCheck(MessageModel):
     """Confidence in the tilt's sign, and in which frame, counted back from this one, it was measured.
 
     `log_likelihood_ratio` is None where the frame has no second optimum, as near zero tilt.

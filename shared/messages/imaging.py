@@ -15,11 +15,11 @@ from shared.messages.base import (
     Matrix3,
     Message,
     MessageInvalid,
+    MessageModel,
     ReasonMessage,
     Sha256,
     UnixNanoseconds,
     Verdict,
-    WireModel,
     is_empty,
 )
 from shared.messages.geometry import TransformMessage, matrix3
@@ -40,7 +40,7 @@ _RUN_INTERVAL = (
 )
 
 
-class ImageReference(WireModel):
+class ImageReference(MessageModel):
     """Which image a result was measured in."""
 
     sha256: Sha256
@@ -115,7 +115,7 @@ class FrameHeader(Message):
         return np.frombuffer(payload, dtype="<f4").reshape(self.height_px, self.width_px)
 
 
-class BallMessage(WireModel):
+class BallMessage(MessageModel):
     """One dark disc; `ring_index` is None when it is not a ball of the ring."""
 
     x_px: Finite
@@ -126,7 +126,7 @@ class BallMessage(WireModel):
     ring_index: int | None
 
 
-class DisplacementFieldMessage(WireModel):
+class DisplacementFieldMessage(MessageModel):
     """Distortion on a regular grid, row by row."""
 
     origin_px: tuple[Finite, Finite]
@@ -138,7 +138,7 @@ class DisplacementFieldMessage(WireModel):
     standard_deviation_px: tuple[Finite, ...]
 
 
-class CalibrationValues(WireModel):
+class CalibrationValues(MessageModel):
     """`CArmCalibration` on the wire."""
 
     width_px: int

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from shared.messages.base import Identifier, Message, Sha256, WireModel
+from shared.messages.base import Identifier, Message, MessageModel, Sha256
 
 # A permit has some 360 characters; names and holes may be long.
 MOST_PERMIT_CHARACTERS = 4096
@@ -42,7 +42,7 @@ class Permit(Message):
     nonce: Identifier = Field(description="Unlike that of any other permit.")
 
 
-class SignedPermit(WireModel):
+class SignedPermit(MessageModel):
     """A permit with its signature. The hash tells an altered text from a forged signature."""
 
     permit_json: str = Field(max_length=MOST_PERMIT_CHARACTERS)

@@ -4,10 +4,10 @@ from typing import Literal
 
 from pydantic import Field
 
-from shared.messages.base import Finite, Identifier, Message, ReasonMessage, Sha256, Vector3, Verdict, WireModel
+from shared.messages.base import Finite, Identifier, Message, MessageModel, ReasonMessage, Sha256, Vector3, Verdict
 
 
-class QaImage(WireModel):
+class QaImage(MessageModel):
     """One image; figures are None when it was refused."""
 
     name: str
@@ -22,7 +22,7 @@ class QaImage(WireModel):
     central_deviation_px: Finite | None = None
 
 
-class QaBall(WireModel):
+class QaBall(MessageModel):
     """One ball of the ring over all accepted images."""
 
     id: str
@@ -34,7 +34,7 @@ class QaBall(WireModel):
     flagged: bool
 
 
-class QaDrift(WireModel):
+class QaDrift(MessageModel):
     """What changed since the last report."""
 
     since: str

@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from shared.messages.base import Identifier, Message, UnixNanoseconds, WireModel
+from shared.messages.base import Identifier, Message, MessageModel, UnixNanoseconds
 
 # Chosen: more than one service with a stolen key tries in a second, and a message of 16 kB.
 MOST_REFUSALS = 64
@@ -21,7 +21,7 @@ class RefusalCode(StrEnum):
     UNKNOWN_NAME = "unknown_name"
 
 
-class BusRefusal(WireModel):
+class BusRefusal(MessageModel):
     """What one sender tried in one way on one key, and how often."""
 
     code: RefusalCode

@@ -11,12 +11,12 @@ from shared.messages.base import (
     Matrix3,
     Matrix4,
     Message,
+    MessageModel,
     Pixel,
     ReasonMessage,
     Sha256,
     Vector3,
     Verdict,
-    WireModel,
     encode,
     is_empty,
 )
@@ -34,14 +34,14 @@ Method = Literal["model", "fronto-parallel"]
 VerificationOf = Literal["wires", "guide"]
 
 
-class LocalisedImage(WireModel):
+class LocalisedImage(MessageModel):
     """Which image, and how it was shown."""
 
     sha256: Sha256
     mirrored: bool | None
 
 
-class LocalisedCamera(WireModel):
+class LocalisedCamera(MessageModel):
     """The C-arm as the ring shows it."""
 
     intrinsic_matrix_px: Matrix3
@@ -52,7 +52,7 @@ class LocalisedCamera(WireModel):
     reprojection_rms_px: Finite
 
 
-class LocalisedGuide(WireModel):
+class LocalisedGuide(MessageModel):
     """The drill guide."""
 
     camera_from_guide: Matrix4
@@ -61,7 +61,7 @@ class LocalisedGuide(WireModel):
     reprojection_rms_px: Finite
 
 
-class Curvature(WireModel):
+class Curvature(MessageModel):
     """Of a bent nail's centre line at the nail's origin, towards y and z of the nail's frame."""
 
     y_per_m: Finite
@@ -71,7 +71,7 @@ class Curvature(WireModel):
     standard_uncertainty_per_m: Finite
 
 
-class LocalisedNail(WireModel):
+class LocalisedNail(MessageModel):
     """The nail; `mirror_margin` is None for methods that know no mirror optimum, `curvature` for a straight nail."""
 
     camera_from_nail: Matrix4
@@ -79,14 +79,14 @@ class LocalisedNail(WireModel):
     curvature: Curvature | None = None
 
 
-class StandardUncertainty(WireModel):
+class StandardUncertainty(MessageModel):
     """Predicted rms of the two errors that count."""
 
     entry_mm: Finite
     axis_deg: Finite
 
 
-class LocalisedHole(WireModel):
+class LocalisedHole(MessageModel):
     """One nail hole's axis in the guide's frame."""
 
     id: str
@@ -97,14 +97,14 @@ class LocalisedHole(WireModel):
     standard_uncertainty: StandardUncertainty | None
 
 
-class CArmCorrection(WireModel):
+class CArmCorrection(MessageModel):
     """How to turn source and detector together, about the camera frame's axes, right-handed."""
 
     about_image_x: Finite
     about_image_y: Finite
 
 
-class ViewAssessment(WireModel):
+class ViewAssessment(MessageModel):
     """How well the C-arm looks along the holes: `too_far` is refused, and of a `good` view no better one is needed.
 
     Attributes
@@ -118,14 +118,14 @@ class ViewAssessment(WireModel):
     saved_by_a_degree: Probability
 
 
-class OffCentre(WireModel):
+class OffCentre(MessageModel):
     """How far the holes' middle lies off the picture's, un-mirrored, in mm at their depth: move the C-arm so."""
 
     to_image_right: Finite
     to_image_down: Finite
 
 
-class Timing(WireModel):
+class Timing(MessageModel):
     """Wall time of the steps."""
 
     total: Finite
@@ -169,7 +169,7 @@ class UnreadableImage(Message):
     error: str
 
 
-class FusedImage(WireModel):
+class FusedImage(MessageModel):
     """What became of one of several images of a set-up.
 
     Attributes
@@ -187,7 +187,7 @@ class FusedImage(WireModel):
     chi_square: Finite | None
 
 
-class Fusion(WireModel):
+class Fusion(MessageModel):
     """How several images of one set-up agree, in the order in which they were taken."""
 
     images: tuple[FusedImage, ...]
@@ -196,7 +196,7 @@ class Fusion(WireModel):
     degrees_of_freedom: int = Field(ge=0)
 
 
-class AdvisedScrew(WireModel):
+class AdvisedScrew(MessageModel):
     """The axis of one screw of the mount, for the jig; pixels are those of the un-mirrored image."""
 
     id: Literal["distal", "proximal"]
@@ -207,7 +207,7 @@ class AdvisedScrew(WireModel):
     shown: bool = Field(description="Whether the image shows this place.")
 
 
-class MountingSiteMessage(WireModel):
+class MountingSiteMessage(MessageModel):
     """Where the two screws that hold the robot's base go in the bone, from an image of the nail without a guide."""
 
     head_extension_mm: Finite = Field(description="To which the head is then set: the guide stands over the holes.")
@@ -292,7 +292,7 @@ class PlanRequest(Message):
     )
 
 
-class PredictedHoleError(WireModel):
+class PredictedHoleError(MessageModel):
     """What remains at one hole after the planned move: its bias (unequal spacings) and standard uncertainty."""
 
     id: str
@@ -355,7 +355,7 @@ class VerificationRequest(Message):
     of: VerificationOf = "wires"
 
 
-class VerifiedWire(WireModel):
+class VerifiedWire(MessageModel):
     """One wire's axis against the axis of the nail hole of the same id."""
 
     id: str
@@ -366,7 +366,7 @@ class VerifiedWire(WireModel):
     chance_to_pass: Probability
 
 
-class VerifiedGuideHole(WireModel):
+class VerifiedGuideHole(MessageModel):
     """The guide hole's own axis against the nail hole's, from the same images: what a drill will follow."""
 
     id: str

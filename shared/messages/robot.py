@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from shared.geometry.hexapod import PlatformPose
-from shared.messages.base import Finite, Identifier, Message, Sha256, UnixNanoseconds, Vector3, WireModel
+from shared.messages.base import Finite, Identifier, Message, MessageModel, Sha256, UnixNanoseconds, Vector3
 from shared.messages.permits import SignedPermit
 from shared.robot_states import MotionState as MotionState
 from shared.robot_states import StopButton as StopButton
@@ -19,7 +19,7 @@ from shared.robot_states import StopLatch as StopLatch
 from shared.robot_states import Verb as Verb
 
 
-class PlatformPoseMessage(WireModel):
+class PlatformPoseMessage(MessageModel):
     """Platform pose as the controller counts it: X Y Z in mm, U V W in degrees, about the pivot."""
 
     x_mm: Finite
@@ -75,7 +75,7 @@ class RobotState(Message):
     permit_refusal: str = Field("", description="Code with which the last of them was refused.")
 
 
-class CommandEnvelope(WireModel):
+class CommandEnvelope(MessageModel):
     """What every command carries so that it takes effect at most once and never late."""
 
     command_id: Identifier
@@ -87,7 +87,7 @@ class CommandEnvelope(WireModel):
     issued_at_ns: UnixNanoseconds = Field(description="For the record only: never compared.")
 
 
-class Approval(WireModel):
+class Approval(MessageModel):
     """A surgeon's consent to exactly one plan, as claimed by version 1 of a move."""
 
     plan_sha256: Sha256
@@ -130,7 +130,7 @@ class StopCommand(Message):
     reason: str = ""
 
 
-class StopReport(WireModel):
+class StopReport(MessageModel):
     """What is known of a stop. The controller's answers count only when they were asked for after it was written."""
 
     written: bool = Field(description="Every byte of it was handed to the controller's line.")

@@ -7,12 +7,12 @@ from typing import Literal
 
 from pydantic import Field
 
-from shared.messages.base import Finite, Identifier, Message, WireModel
+from shared.messages.base import Finite, Identifier, Message, MessageModel
 from shared.messages.presence import ServiceName
 from shared.robot_states import MotionState, StopLatch
 
 
-class ServiceSummary(WireModel):
+class ServiceSummary(MessageModel):
     """One service of the room, as its status and its liveliness token show it."""
 
     service: ServiceName
@@ -22,7 +22,7 @@ class ServiceSummary(WireModel):
     detail: str = ""
 
 
-class RobotSummary(WireModel):
+class RobotSummary(MessageModel):
     """The robot, as its newest state has it."""
 
     state: MotionState

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from shared.messages.base import Identifier, Message, WireModel
+from shared.messages.base import Identifier, Message, MessageModel
 from shared.messages.imaging import CalibrationMessage, FrameHeader, ImageReference
 from shared.messages.registration import LocalisationRecord
 
@@ -32,7 +32,7 @@ class SkipCode(StrEnum):
     ANOTHER_STORE = "another_store"
 
 
-class Skip(WireModel):
+class Skip(MessageModel):
     """A step that was left out for an image, and why, in one sentence for people."""
 
     step: Step
@@ -40,7 +40,7 @@ class Skip(WireModel):
     message: str
 
 
-class StoredImage(WireModel):
+class StoredImage(MessageModel):
     """An image that imaging has stored, and how far its calibration has come."""
 
     header: FrameHeader

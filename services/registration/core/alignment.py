@@ -21,7 +21,7 @@ class ViewQuality(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class ViewAssessment:
+class TiltAssessment:
     """How well the C-arm looks along the holes."""
 
     quality: ViewQuality
@@ -30,7 +30,7 @@ class ViewAssessment:
     saved_by_a_degree: float
 
 
-def assess(tilts: tuple[HoleTilt, ...]) -> ViewAssessment:
+def assess(tilts: tuple[HoleTilt, ...]) -> TiltAssessment:
     """Assess a view by the hole that is tilted most; errors grow with the tilt as in the accuracy benchmark."""
     largest_deg = max(tilt.tilt_to_ray_deg for tilt in tilts)
     degree = min(1.0, largest_deg)
@@ -39,7 +39,7 @@ def assess(tilts: tuple[HoleTilt, ...]) -> ViewAssessment:
         * ALIGNMENT.axis_error_per_tilt
         / (ALIGNMENT.axis_error_deg + ALIGNMENT.axis_error_per_tilt * largest_deg)
     )
-    return ViewAssessment(_quality(largest_deg), largest_deg, saved)
+    return TiltAssessment(_quality(largest_deg), largest_deg, saved)
 
 
 def _quality(largest_deg: float) -> ViewQuality:
@@ -49,7 +49,7 @@ def _quality(largest_deg: float) -> ViewQuality:
 
 
 def off_centre_mm(calibration: CArmCalibration, middle_camera_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far a point of the camera frame lies off the picture's middle, to its right and down, shape (2,).
+    """How far a point of the camera frame lies off the image's middle, to its right and down, shape (2,).
 
     Measured at the point's depth.
     """
@@ -60,14 +60,12 @@ def off_centre_mm(calibration: CArmCalibration, middle_camera_mm: NDArray[np.flo
     return np.asarray(middle_camera_mm[:2] - ray[:2] * (middle_camera_mm[2] / ray[2]))
 
 
-def shift_in_room_mm(
-    off_centre: NDArray[np.float64], angles: CArmAngles, picture_turn_rad: float
-) -> NDArray[np.float64]:
-    """Shift of the C-arm that brings the holes into the picture's middle, in the C-arm's own axes, shape (3,), in mm.
+def shift_in_room_mm(off_centre: NDArray[np.float64], angles: CArmAngles, display_rad: float) -> NDArray[np.float64]:
+    """Shift of the C-arm that brings the holes into the image's middle, in the C-arm's own axes, shape (3,), in mm.
 
     For a patient who lies on the back: towards the head, to the patient's right, up. So DICOM's angles turn the beam:
     a positive primary angle takes the detector to the patient's left, a positive secondary one to the head.
     """
-    cosine, sine = np.cos(picture_turn_rad), np.sin(picture_turn_rad)
+    cosine, sine = np.cos(display_rad), np.sin(display_rad)
     beam_from_camera = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     return np.asarray(angles.room_from_beam @ beam_from_camera @ np.array([off_centre[0], off_centre[1], 0.0]))

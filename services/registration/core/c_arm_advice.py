@@ -155,7 +155,7 @@ class AngledView:
     camera_from_guide: Transform[Camera, Guide]
 
 
-def picture_turn_rad(first: AngledView, second: AngledView) -> float | None:
+def display_rotation_rad(first: AngledView, second: AngledView) -> float | None:
     """Rotation of the camera frame about the beam against the C-arm's axes, from two views of a still guide.
 
     An image with the C-arm's angles does not show how its display is turned. The direction in which the guide turns in
@@ -174,8 +174,8 @@ def picture_turn_rad(first: AngledView, second: AngledView) -> float | None:
     return float((turn + np.pi) % (2.0 * np.pi) - np.pi)
 
 
-def angles_after(angles: CArmAngles, turn: CArmTurn, picture_turn: float) -> CArmAngles:
-    """The C-arm's angles after an advised turn, given the picture's (see `picture_turn_rad`)."""
-    beam_from_camera = Rotation.from_rotvec([0.0, 0.0, picture_turn]).as_matrix()
+def angles_after(angles: CArmAngles, turn: CArmTurn, display_rad: float) -> CArmAngles:
+    """The C-arm's angles after an advised turn, given the display's rotation (`display_rotation_rad`)."""
+    beam_from_camera = Rotation.from_rotvec([0.0, 0.0, display_rad]).as_matrix()
     x, y, z = (angles.room_from_beam @ beam_from_camera @ turn.rotation)[:, 2]
     return CArmAngles(float(np.degrees(np.arctan2(-y, z))), float(np.degrees(np.arctan2(x, np.hypot(y, z)))))

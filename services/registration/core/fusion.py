@@ -42,7 +42,7 @@ _RADII = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LocalisedImage:
+class ImageResult:
     """One image with what was found in it."""
 
     name: str  # what it is called in sentences for people
@@ -75,7 +75,7 @@ class FusedLocalisation:
     degrees_of_freedom: int
 
 
-def fuse_localisations(images: tuple[LocalisedImage, ...], parts: Parts) -> FusedLocalisation | None:
+def fuse_localisations(images: tuple[ImageResult, ...], parts: Parts) -> FusedLocalisation | None:
     """Join the images of one set-up, in the order in which they were taken; None when no image can be used.
 
     Used is every image that was accepted, or rejected for nothing but its own uncertainty.
@@ -109,7 +109,7 @@ def fuse_localisations(images: tuple[LocalisedImage, ...], parts: Parts) -> Fuse
     return FusedLocalisation(result, shown, shares, joint.chi_square, chi_square_limit(freedom), freedom)
 
 
-def usable_estimate(image: LocalisedImage, parts: Parts) -> PoseEstimate[Guide, Nail] | None:
+def usable_estimate(image: ImageResult, parts: Parts) -> PoseEstimate[Guide, Nail] | None:
     """Estimate of `guide_from_nail` from one image; None when it cannot be used."""
     result, calibration = image.result, image.calibration
     if calibration is None or result.guide is None or result.nail is None:

@@ -25,7 +25,7 @@ from shared.geometry.transform import Transform
 from shared.xray.dead_pixels import FilledImage, fill_dead_pixels
 
 
-class Step(StrEnum):
+class LocalisationStep(StrEnum):
     """Steps of a localisation, for those who measure its time."""
 
     GUIDE = "guide"
@@ -74,7 +74,7 @@ def localise(
     pixels: NDArray[np.float32],
     calibration: CArmCalibration,
     parts: Parts,
-    completed: Callable[[Step], None] = lambda _: None,
+    completed: Callable[[LocalisationStep], None] = lambda _: None,
 ) -> LocalisationResult:
     """Find guide and nail in a calibrated image, and accept or reject the localisation.
 
@@ -85,9 +85,9 @@ def localise(
     """
     filled = fill_dead_pixels(unmirrored(pixels, calibration))
     guide = locate_guide(filled.pixels, calibration, parts.ring, parts.guide)
-    completed(Step.GUIDE)
+    completed(LocalisationStep.GUIDE)
     nail = _locate_nail(filled, calibration, parts, guide.value if isinstance(guide, Accepted) else None)
-    completed(Step.NAIL)
+    completed(LocalisationStep.NAIL)
     return conclude(calibration, parts, guide, nail)
 
 

@@ -23,7 +23,7 @@ from services.registration.core.acceptance.criteria import (
     WIRES_LOST,
 )
 from services.registration.core.acceptance.image import fit_reasons
-from services.registration.core.fusion import LocalisedImage, usable_estimate
+from services.registration.core.fusion import ImageResult, usable_estimate
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.guide_from_nail import NailEstimate
 from services.registration.core.localise import Parts, conclude, unmirrored
@@ -45,7 +45,7 @@ from shared.geometry.parts import GuidePart, Hole, NailPart, mean_hole_direction
 from shared.geometry.transform import Transform
 
 
-def relocalise_with_wires(image: LocalisedImage, parts: Parts, wire_diameter_mm: float) -> LocalisedImage:
+def relocalise_with_wires(image: ImageResult, parts: Parts, wire_diameter_mm: float) -> ImageResult:
     """The image with its nail localised again, the wires in front of it modelled.
 
     An image is returned as it is if its guide was not found, if it was taken from aside, where no hole can be open, or
@@ -241,7 +241,7 @@ def _rod(image: RegisteredImage, wire: WireFit, longer_sigmas: float) -> SteelRo
     return SteelRod(start, end, 2.0 * wire.model.radius_mm)
 
 
-def no_holes_reasons(images: tuple[LocalisedImage, ...], parts: Parts) -> tuple[Reason, ...]:
+def no_holes_reasons(images: tuple[ImageResult, ...], parts: Parts) -> tuple[Reason, ...]:
     """Reasons when no image shows the nail's holes: those of the images along the holes, if there are any.
 
     An oblique image need not show them, so it gives no reason.

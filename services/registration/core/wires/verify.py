@@ -21,7 +21,7 @@ from services.registration.core.acceptance.criteria import (
 )
 from services.registration.core.drill_clearance import AxisOffset, across_basis, axis_offset_mm
 from services.registration.core.estimation.joint import fuse
-from services.registration.core.fusion import LocalisedImage, disagreement, usable_estimate
+from services.registration.core.fusion import ImageResult, disagreement, usable_estimate
 from services.registration.core.hole_axes import HoleEstimate, holes_at, offsets_by_motion
 from services.registration.core.localise import Parts, unmirrored
 from services.registration.core.tuning import WIRE_VISIBILITY
@@ -36,7 +36,7 @@ from shared.geometry.lines import Line, unit
 from shared.geometry.parts import Hole
 from shared.geometry.transform import Transform
 
-Images = tuple[LocalisedImage, ...]
+Images = tuple[ImageResult, ...]
 
 # Step of a one-sided difference: well above rounding, and small beside the distances over which offsets bend.
 _DERIVATIVE_STEP_MM = 1e-4
@@ -157,12 +157,12 @@ def estimate_jointly(images: Images, earlier: Images, parts: Parts) -> JointResu
 
 def _registered_images(
     images: Images, parts: Parts, guide_from_nail: Transform[Guide, Nail]
-) -> tuple[tuple[tuple[LocalisedImage, RegisteredImage], ...], tuple[Reason, ...]]:
+) -> tuple[tuple[tuple[ImageResult, RegisteredImage], ...], tuple[Reason, ...]]:
     """The images with their guide, and why it was not found in the others.
 
     As localised there, else with the help of the nail's pose from the other images.
     """
-    found: list[tuple[LocalisedImage, RegisteredImage]] = []
+    found: list[tuple[ImageResult, RegisteredImage]] = []
     reasons: list[Reason] = []
     for image in images:
         calibration, guide = image.calibration, image.result.guide

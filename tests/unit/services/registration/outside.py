@@ -11,7 +11,7 @@ from services.registration.state import RegistrationState
 from shared.bus.keys import Keys
 from shared.bus.port import Bus
 from shared.errors import ReasonCode
-from shared.messages.base import ReasonMessage, WireModel, decode, encode
+from shared.messages.base import MessageModel, ReasonMessage, decode, encode
 from shared.messages.cases import CaseContext, ObjectInside
 from shared.messages.imaging import CalibrationMessage, CalibrationValues, FrameHeader, ImageReference
 from shared.messages.registration import (
@@ -127,7 +127,7 @@ class Outside:
         request = VerificationRequest(case_id=CASE, image_sha256=tuple(sha256_of(n.encode()) for n in names))
         return decode(VerificationReply, self._ask(KEYS.verification_request, request))
 
-    def _ask(self, key: str, request: WireModel) -> bytes:
+    def _ask(self, key: str, request: MessageModel) -> bytes:
         return self.bus.query(key, encode(request), PATIENCE_S).payload
 
     def next_record(self) -> LocalisationRecord:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from services.registration.core.fusion import LocalisedImage
+from services.registration.core.fusion import ImageResult
 from services.registration.core.localise import LocalisationResult
 from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame
 from services.registration.live import LiveGuidance
@@ -78,7 +78,7 @@ class Lone:
         )
         frame = ReceivedFrame(header(name), pixels, "registration-1.1", None)
         case = OpenCase.of(context())
-        image = LocalisedImage(record.image.sha256[:12], pixels, calibration, found)
+        image = ImageResult(record.image.sha256[:12], pixels, calibration, found)
         self.guidance.note_localised(LocalisedFrame(frame, case, record, image))
 
     def next_word(self) -> Guidance:

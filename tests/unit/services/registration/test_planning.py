@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from services.registration.core.drill_clearance import AxisOffset
-from services.registration.core.fusion import LocalisedImage
+from services.registration.core.fusion import ImageResult
 from services.registration.core.localise import Parts
 from services.registration.core.wires.verify import AxisComparison, WireVerification
 from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame
@@ -40,7 +40,7 @@ def case_of(parts: Parts) -> OpenCase:
 
 
 def frame(
-    image: LocalisedImage, robot_pose: PlatformPoseMessage | None = HOME, revision: int = 1, boot: str = "robot-1"
+    image: ImageResult, robot_pose: PlatformPoseMessage | None = HOME, revision: int = 1, boot: str = "robot-1"
 ) -> LocalisedFrame:
     """An image as registration remembers it."""
     record = LocalisationRecord(

@@ -9,7 +9,7 @@ from scipy.linalg import block_diag
 from services.registration.core.c_arm_advice import c_arm_correction_deg
 from services.registration.core.estimation.joint import fuse, leave_one_out
 from services.registration.core.estimation.pose_estimate import model_loadings
-from services.registration.core.fusion import LocalisedImage, fuse_localisations
+from services.registration.core.fusion import ImageResult, fuse_localisations
 from services.registration.core.guide_from_nail import NailEstimate
 from services.registration.core.localise import LocalisationResult, Parts, hole_estimates
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
@@ -140,7 +140,7 @@ BLANK = np.ones((8, 8), np.float32)
 PARTS = Parts(rendered_parts().ring, guide_part(), nail_part(), USUAL_DRILL_DIAMETER_MM)
 
 
-def localised(name: str, moved_mm: float = 0.0, spread: float = 1.0, *reasons: Reason) -> LocalisedImage:
+def localised(name: str, moved_mm: float = 0.0, spread: float = 1.0, *reasons: Reason) -> ImageResult:
     """An image by a known camera; the nail moved across the beam, and its fit's standard deviations spread."""
     fit_covariance = block_diag(np.eye(3) * np.radians(0.05) ** 2, np.diag([0.02, 0.02, 0.2]) ** 2) * spread**2
     step: Transform[Nail, Nail] = Transform.from_rotvec(np.zeros(3), [moved_mm, 0.0, 0.0])
@@ -152,13 +152,13 @@ def localised(name: str, moved_mm: float = 0.0, spread: float = 1.0, *reasons: R
     correction = c_arm_correction_deg(pose, PARTS.nail)
     guide_from_nail = GUIDE_POSE.inverse() @ pose
     result = LocalisationResult(reasons, guide, nail, guide_from_nail, holes, correction)
-    return LocalisedImage(name, BLANK, KNOWN_SOURCE, result)
+    return ImageResult(name, BLANK, KNOWN_SOURCE, result)
 
 
 UNCERTAIN = Reason(ReasonCode.UNCERTAINTY_TOO_LARGE, "too uncertain; more dose")
 AMBIGUOUS = Reason(ReasonCode.MIRROR_AMBIGUOUS, "two tilts; turn the C-arm")
 NO_RING = LocalisationResult((Reason(ReasonCode.RING_NOT_FOUND, "no ring; show it"),), None, None, None, None, None)
-NOTHING = LocalisedImage("empty", BLANK, None, NO_RING)
+NOTHING = ImageResult("empty", BLANK, None, NO_RING)
 
 
 def test_good_images_are_joined_and_the_newest_is_shown() -> None:

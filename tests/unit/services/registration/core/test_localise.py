@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from services.registration.core.localise import LocalisationResult, Step, localise
+from services.registration.core.localise import LocalisationResult, LocalisationStep, localise
 from services.registration.overlay import GUIDE, NAIL, overlay_png
 from services.registration.report import timed_localisation
 from shared.errors import Accepted, ReasonCode
@@ -24,9 +24,9 @@ from tests.unit.services.registration.rendered_case import (
 
 def run(shown: Shown, seed: int) -> LocalisationResult:
     pixels, view = rendered(shown, seed)
-    steps: list[Step] = []
+    steps: list[LocalisationStep] = []
     result = localise(pixels, view, rendered_parts(), steps.append)
-    assert steps == [Step.GUIDE, Step.NAIL]
+    assert steps == [LocalisationStep.GUIDE, LocalisationStep.NAIL]
     return result
 
 

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from services.registration.core.estimation.pose_estimate import PoseEstimate
-from services.registration.core.fusion import LocalisedImage
+from services.registration.core.fusion import ImageResult
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.localise import LocalisationResult, Parts
 from services.registration.core.wires.image import RegisteredImage
@@ -60,9 +60,9 @@ def registered(pixels: NDArray[np.float32]) -> RegisteredImage:
     return RegisteredImage(pixels, calibration(SIZE_PX), LATERAL, GUIDE_COVARIANCE)
 
 
-def localised(pixels: NDArray[np.float32], reasons: tuple[Reason, ...], guide: GuideFit | None) -> LocalisedImage:
+def localised(pixels: NDArray[np.float32], reasons: tuple[Reason, ...], guide: GuideFit | None) -> ImageResult:
     result = LocalisationResult(reasons, guide, None, None, None, None)
-    return LocalisedImage("lateral", pixels, calibration(SIZE_PX), result)
+    return ImageResult("lateral", pixels, calibration(SIZE_PX), result)
 
 
 def test_the_start_is_near_though_wires_cover_the_holes() -> None:
