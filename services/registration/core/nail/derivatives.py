@@ -106,6 +106,13 @@ def _sections(model: ForwardModel, traced: TracedTransmission) -> NDArray[np.flo
     return section_places(model.nail, curvature_of(traced.parameters), model.region.rays, shape)
 
 
+def derivative_by_transmission(
+    model: ForwardModel, traced: TracedTransmission, change: NDArray[np.float32]
+) -> NDArray[np.float64]:
+    """Derivative of `visible_fraction`, shape (N,), by a change of the metal's transmission on the rectangle."""
+    return _ThroughChain.at(model, traced).by_metal(change)
+
+
 def turns_of_holes(count: int) -> NDArray[np.float64]:
     """Turn of each of so many holes by those against one another, which leave the mean as it is, (count, count - 1)."""
     return np.eye(count)[:, 1:] - 1.0 / count

@@ -137,9 +137,14 @@ class TracedTransmission:
 
 
 def trace_transmission(model: ForwardModel, parameters: NDArray[np.float64]) -> TracedTransmission:
-    """Trace all rays of the region; of a bent nail, section by section."""
+    """Trace all rays of the region."""
+    return trace_metal(model, parameters, nail_shape(model, parameters))
+
+
+def trace_metal(model: ForwardModel, parameters: NDArray[np.float64], shape: NailShape) -> TracedTransmission:
+    """The same for a shape of the nail; of a bent one, section by section."""
     region, count, curvature = model.region, len(model.region.support), curvature_of(parameters)
-    shape, limits = nail_shape(model, parameters), TraceLimits(*astuple(RAY_SAMPLING))
+    limits = TraceLimits(*astuple(RAY_SAMPLING))
     transmission, derivatives = np.empty(count), np.empty((count, DERIVATIVES), dtype=np.float32)
 
     def trace(rays: PixelRays, steel: SteelPaths, nail: NailShape, part: slice) -> None:

@@ -3,7 +3,7 @@
 Deliberately apart from the product's image model: path lengths come from slabs of sampled depth, not from closed forms.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,7 @@ class Scene:
     noise: float = 0.01
     texture: float = 0.05
     beam: NDArray[np.float64] = field(default_factory=ONE_ENERGY.copy)
+    hole_content_per_mm: float = 0.0  # attenuation in the nail's holes over that beside the nail
 
 
 def calibration(size_px: int, distortion: DisplacementField | None = None) -> CArmCalibration:
@@ -147,6 +148,9 @@ def render(scene: Scene, view: CArmCalibration, seed: int) -> NDArray[np.float32
     if scene.nail is not None and scene.camera_from_nail is not None:
         path_mm = _nail_path_mm(rays, scene.nail, scene.camera_from_nail)
         metal = metal + METAL_PER_MM[scene.nail.material] * path_mm
+        if scene.hole_content_per_mm != 0.0:
+            solid_mm = _nail_path_mm(rays, replace(scene.nail, holes=()), scene.camera_from_nail)
+            tissue = tissue + scene.hole_content_per_mm * (solid_mm - path_mm)
     for rod in scene.rods:
         metal = metal + rod.per_mm * _rod_path_mm(rays, rod)
     metal = metal + METAL_PER_MM["steel"] * _ball_paths_mm(rays, scene.balls)
