@@ -107,11 +107,11 @@ GUIDE_FOCAL_LENGTH: Final = Criterion(
     "derived: one right image in fifteen thousand")
 NAIL_BAND: Final = Finding(
     ReasonCode.NAIL_NOT_FOUND, "no dark band of the nail's width is in the image",
-    "bring the nail's distal end into view, or check the nail file")
+    "bring the nail's distal end into view, open the collimator, or check the nail file")
 SEARCHED_OPENNESS: Final = Criterion(
     ReasonCode.HOLE_NOT_VISIBLE,
     "contrast of the least visible hole against the nail's band, as a share of the band's own",
-    at_least(0.3, "", decimals=2), "turn the C-arm until all holes look open", _INSPECTION)
+    at_least(0.3, "", decimals=2), "turn the C-arm until all holes look open, and clear them of what is in them", _INSPECTION)
 DIRECTION_MARGIN: Final = Criterion(
     ReasonCode.NAIL_NOT_FOUND,
     "evidence for the nail's distal end over that for the other end, without a drill guide in view",
