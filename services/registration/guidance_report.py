@@ -37,7 +37,7 @@ _SAME_DISPLAY_RAD = float(np.radians(5.0))
 
 @dataclass(frozen=True, slots=True)
 class FrameFacts:
-    """What is known of a frame besides its display."""
+    """What is known of a frame besides its pixels."""
 
     image: ImageReference
     case_id: str | None

@@ -60,12 +60,14 @@ def off_centre_mm(calibration: CArmCalibration, middle_camera_mm: NDArray[np.flo
     return np.asarray(middle_camera_mm[:2] - ray[:2] * (middle_camera_mm[2] / ray[2]))
 
 
-def shift_in_room_mm(off_centre: NDArray[np.float64], angles: CArmAngles, display_rad: float) -> NDArray[np.float64]:
+def shift_in_room_mm(
+    off_centre: NDArray[np.float64], angles: CArmAngles, display_rotation_rad: float
+) -> NDArray[np.float64]:
     """Shift of the C-arm that brings the holes into the image's middle, in the C-arm's own axes, shape (3,), in mm.
 
     For a patient who lies on the back: towards the head, to the patient's right, up. So DICOM's angles turn the beam:
     a positive primary angle takes the detector to the patient's left, a positive secondary one to the head.
     """
-    cosine, sine = np.cos(display_rad), np.sin(display_rad)
+    cosine, sine = np.cos(display_rotation_rad), np.sin(display_rotation_rad)
     beam_from_camera = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     return np.asarray(angles.room_from_beam @ beam_from_camera @ np.array([off_centre[0], off_centre[1], 0.0]))

@@ -174,8 +174,8 @@ def display_rotation_rad(first: AngledView, second: AngledView) -> float | None:
     return float((turn + np.pi) % (2.0 * np.pi) - np.pi)
 
 
-def angles_after(angles: CArmAngles, turn: CArmTurn, display_rad: float) -> CArmAngles:
+def angles_after(angles: CArmAngles, turn: CArmTurn, rotation_rad: float) -> CArmAngles:
     """The C-arm's angles after an advised turn, given the display's rotation (`display_rotation_rad`)."""
-    beam_from_camera = Rotation.from_rotvec([0.0, 0.0, display_rad]).as_matrix()
+    beam_from_camera = Rotation.from_rotvec([0.0, 0.0, rotation_rad]).as_matrix()
     x, y, z = (angles.room_from_beam @ beam_from_camera @ turn.rotation)[:, 2]
     return CArmAngles(float(np.degrees(np.arctan2(-y, z))), float(np.degrees(np.arctan2(x, np.hypot(y, z)))))

@@ -30,7 +30,7 @@ _EVIDENT: Final = fitted(
 _BESIDE: Final = fitted("by inspection: ten refused or far off of seeds 60007-60014, plate 60026 (decision 0019)")
 _FILTERED: Final = fitted("`distalock bench processing --seeds fit --count 12`: bilateral filter and local contrast")
 _CONTENT: Final = fitted(
-    "the 28 plain independent images and 12 own (seeds 60500-60511): 0.004 at most (decision 0063)"
+    "the 28 plain independent images and 12 own (seeds 60500-60511): 0.006 at most (decision 0063)"
 )
 _TAILS: Final = fitted("by inspection: seeds 60000-60023, plain and through three filters (decision 0018)")
 _PROCESSED: Final = fitted("by inspection: seeds 30024-30063 through local contrast and filters (decision 0018)")
@@ -717,7 +717,6 @@ class HoleContent:
         0.05, "1/mm", "prior of its attenuation", physical("bone: 0.04 at 60 keV; cement")
     )
     usual_sd_per_mm: float = tuned(0.002, "1/mm", "what plain images show too", _CONTENT)
-    least_hardening: float = tuned(1e-3, "1", "below, attenuation is exponential", derived("as in the kernel"))
     much_deg: float = tuned(0.1, "°", "turn from which a refusal names it", derived("the usual error of an axis"))
 
 

@@ -111,7 +111,7 @@ NAIL_BAND: Final = Finding(
 SEARCHED_OPENNESS: Final = Criterion(
     ReasonCode.HOLE_NOT_VISIBLE,
     "contrast of the least visible hole against the nail's band, as a share of the band's own",
-    at_least(0.3, "", decimals=2), "turn the C-arm until all holes look open, and clear them of what is in them", _INSPECTION)
+    at_least(0.3, "", decimals=2), "turn the C-arm until all holes look open, or clear them", _INSPECTION)
 DIRECTION_MARGIN: Final = Criterion(
     ReasonCode.NAIL_NOT_FOUND,
     "evidence for the nail's distal end over that for the other end, without a drill guide in view",

@@ -1,14 +1,15 @@
 """What is in the nail's holes: marrow, bone, blood or cement, where other tissue is beside the nail.
 
 The background continues smoothly through the holes. Where they hold what attenuates more, openings are darker than it;
-the fit explains that by more metal in the rays' way, and so by more tilt. How much they hold shows well, but how far it
-reaches towards the rims does not, and on that the tilt depends: the pose is uncertain by what content would change.
+the fit may explain that by more metal in the rays' way, and so by more tilt. How much they hold shows well, but not
+always how much of the tilt is owed to it: the pose is uncertain by what content would change.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.estimation.pose_estimate import POSE_SIZE
+from services.registration.core.nail.attenuation import path_behind
 from services.registration.core.nail.covariance import covariance_by
 from services.registration.core.nail.derivatives import derivative_by_transmission
 from services.registration.core.nail.forward_model import (
@@ -20,11 +21,7 @@ from services.registration.core.nail.forward_model import (
 from services.registration.core.nail.least_squares import Problem, Solution, with_changes
 from services.registration.core.nail.noise import NoiseModel
 from services.registration.core.nail.parameters import prior_precision
-from services.registration.core.nail.rays import Material
 from services.registration.core.tuning import HOLE_CONTENT
-
-# Paths in metal for which the attenuation is tabulated, in mm: longer ones are no holes.
-_PATHS_MM = np.linspace(0.0, 60.0, 6001)
 
 
 def motion_by_content(problem: Problem, solution: Solution, noise: NoiseModel) -> NDArray[np.float64]:
@@ -54,23 +51,7 @@ def derivative_by_content(model: ForwardModel, traced: TracedTransmission) -> ND
     without_bores = shape._replace(bores=np.ascontiguousarray(shape.bores[..., :0, :]))
     solid = trace_metal(model, traced.parameters, without_bores)
     drilled, whole = (of.transmission.ravel()[support] for of in (traced, solid))
-    change = -bore_paths_mm(drilled, whole, shape.material) * drilled
+    # through the bores a ray goes as far as its path in metal is shorter than in a nail without holes
+    bore_mm = np.maximum(path_behind(whole, shape.material) - path_behind(drilled, shape.material), 0.0)
+    change = -bore_mm * drilled
     return derivative_by_transmission(model, traced, model.region.on_rectangle(change.astype(np.float32), 0.0))
-
-
-def bore_paths_mm(drilled: NDArray[np.float64], solid: NDArray[np.float64], material: Material) -> NDArray[np.float64]:
-    """Paths through the bores, shape (S,): what the metal's path is shorter by than in a nail without holes.
-
-    Parameters
-    ----------
-    drilled, solid
-        Transmission of the metal with and without holes, shape (S,).
-    """
-    depth, hardening, hardest = material[0] * _PATHS_MM, max(material[1], HOLE_CONTENT.least_hardening), material[2]
-    # the law of `attenuation.transmission_behind`
-    transmission = np.exp(-hardest * depth - np.log1p(hardening * (1.0 - hardest) * depth) / hardening)
-
-    def path_mm(through: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(np.interp(-through, -transmission, _PATHS_MM))
-
-    return np.maximum(path_mm(solid) - path_mm(drilled), 0.0)
