@@ -10,12 +10,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.covariance import covariance_by
+from services.registration.core.nail.covariance import found_beyond_noise
 from services.registration.core.nail.derivatives import derivatives_by_hole_turns, turns_of_holes
 from services.registration.core.nail.forward_model import trace_transmission, visible_fraction
 from services.registration.core.nail.least_squares import LinearSolution, Problem, Solution, with_changes
 from services.registration.core.nail.noise import NoiseModel
-from services.registration.core.nail.parameters import prior_precision
 from services.registration.core.tuning import MODEL_ERRORS, NAIL_AS_BUILT
 from shared.geometry.lines import Line
 from shared.geometry.parts import NailPart, across_holes
@@ -37,7 +36,7 @@ def turns_between_holes(problem: Problem, solution: Solution, noise: NoiseModel)
     turned = with_changes(problem, solution, derivatives, precision)
     own = turns_of_holes(holes)
     by_model = np.radians(MODEL_ERRORS.tilt_deg) ** 2 * np.linalg.inv(own.T @ own)
-    found, share = _found_beyond_noise(problem, turned, noise, np.kron(by_model, np.eye(2)), precision)
+    found, share = found_beyond_noise(problem, turned, noise, np.kron(by_model, np.eye(2)), precision)
     turns = own @ found.reshape(holes - 1, 2)
     return np.asarray(share * turns.T @ turns / holes)
 
@@ -51,7 +50,7 @@ def spread_of_holes_mm(problem: Problem, solution: Solution, noise: NoiseModel) 
     holes, precision = len(problem.model.nail.holes), NAIL_AS_BUILT.usual_place_sd_mm**-2
     shifted = with_changes(problem, solution, _derivatives_by_hole_shifts(solution.linear), precision)
     by_model = MODEL_ERRORS.position_mm**2 * np.eye(holes)
-    found, share = _found_beyond_noise(problem, shifted, noise, by_model, precision)
+    found, share = found_beyond_noise(problem, shifted, noise, by_model, precision)
     return float(np.sqrt(share * np.mean(found**2)))
 
 
@@ -71,19 +70,3 @@ def _with_hole_aside(nail: NailPart, index: int) -> NailPart:
     axis = holes[index].axis
     holes[index] = replace(holes[index], axis=Line(axis.point_mm + _STEP_MM * aside, axis.direction))
     return replace(nail, holes=tuple(holes))
-
-
-def _found_beyond_noise(
-    problem: Problem, changed: Solution, noise: NoiseModel, by_model: NDArray[np.float64], precision: float
-) -> tuple[NDArray[np.float64], float]:
-    """The further parameters after one Gauss-Newton step, shape (K,), and the share of their square beyond noise.
-
-    By the method of moments: what is expected of noise and of the model's own errors, shape (K, K), is taken off.
-    """
-    count = len(by_model)
-    inverse = np.asarray(np.linalg.inv(changed.equations.matrix))[-count:]
-    found = inverse @ changed.equations.gradient
-    priors = np.concatenate([prior_precision()[problem.free], np.full(count, precision)])
-    expected = covariance_by(problem, changed, noise, inverse, priors) + by_model
-    chi_square = float(found @ np.linalg.solve(expected, found))
-    return found, max(1.0 - count / max(chi_square, count), 0.0)

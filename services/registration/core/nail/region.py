@@ -203,7 +203,7 @@ def cut_region(
         return None
     rays_camera = calibration.rays_camera_of_grid(*grid.axes_px)
     slopes = rays_camera[..., :2] / rays_camera[..., 2:]
-    along, across = _nail_plane(slopes.reshape(-1, 2), camera_from_nail)
+    along, across = nail_plane(slopes.reshape(-1, 2), camera_from_nail)
     inside = (along > bounds.first_x_mm) & (along < bounds.last_x_mm) & (np.abs(across) < bounds.half_width_mm)
     hidden = _hidden(grid, occluders)
     inside &= (_in_aperture(grid, calibration) & ~hidden).ravel()
@@ -279,7 +279,7 @@ def _hidden(grid: PixelGrid, occluders: Occluders) -> NDArray[np.bool_]:
     return np.asarray(grid.blocks_of(occluders.hidden).any(axis=(1, 3)))
 
 
-def _nail_plane(
+def nail_plane(
     slopes: NDArray[np.float64], camera_from_nail: Transform[Camera, Nail]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Where rays meet the plane through the nail's axis that faces the focal spot: x and y in mm, shape (N,) each."""

@@ -56,6 +56,7 @@ class Scene:
     texture: float = 0.05
     beam: NDArray[np.float64] = field(default_factory=ONE_ENERGY.copy)
     hole_content_per_mm: float = 0.0  # attenuation in the nail's holes over that beside the nail
+    content_rise: tuple[float, float] = (0.0, 0.0)  # its increase from their middles to the wall, along and across
 
 
 def calibration(size_px: int, distortion: DisplacementField | None = None) -> CArmCalibration:
@@ -148,9 +149,10 @@ def render(scene: Scene, view: CArmCalibration, seed: int) -> NDArray[np.float32
     if scene.nail is not None and scene.camera_from_nail is not None:
         path_mm = _nail_path_mm(rays, scene.nail, scene.camera_from_nail)
         metal = metal + METAL_PER_MM[scene.nail.material] * path_mm
-        if scene.hole_content_per_mm != 0.0:
+        if scene.hole_content_per_mm != 0.0 or any(scene.content_rise):
             solid_mm = _nail_path_mm(rays, replace(scene.nail, holes=()), scene.camera_from_nail)
-            tissue = tissue + scene.hole_content_per_mm * (solid_mm - path_mm)
+            content = scene.hole_content_per_mm + _rise(rays, scene.nail, scene.camera_from_nail) @ scene.content_rise
+            tissue = tissue + content * (solid_mm - path_mm)
     for rod in scene.rods:
         metal = metal + rod.per_mm * _rod_path_mm(rays, rod)
     metal = metal + METAL_PER_MM["steel"] * _ball_paths_mm(rays, scene.balls)
@@ -177,6 +179,17 @@ def _nail_path_mm(
     total = np.zeros(rays.shape[:2])
     total[near] = length * _DEPTH_STEP_MM
     return total
+
+
+def _rise(rays: NDArray[np.float64], nail: NailPart, camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.float64]:
+    """Where rays pass the plane halfway through the nail, from the nearest hole's axis in radii, shape (..., 2)."""
+    nail_from_camera = camera_from_nail.inverse()
+    along_rays = rays @ nail_from_camera.rotation.T
+    spot_mm = nail_from_camera.translation_mm
+    places_mm = (spot_mm - along_rays * (spot_mm[2] / along_rays[..., 2:]))[..., :2]
+    of_holes = [(places_mm - hole.axis.point_mm[:2]) / (0.5 * hole.diameter_mm) for hole in nail.holes]
+    nearest = np.argmin([np.linalg.norm(places, axis=-1) for places in of_holes], axis=0)
+    return np.asarray(np.choose(nearest[..., None], of_holes))
 
 
 def _in_metal(points_mm: NDArray[np.float64], nail: NailPart) -> NDArray[np.bool_]:
