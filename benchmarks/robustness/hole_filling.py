@@ -1,11 +1,14 @@
-"""What nail holes hold: bone, drill dust or cement, as foils of steel spread over their depth that absorb as much."""
+"""What nail holes hold, and what a drill left in line with them.
+
+Bone, drill dust and cement are foils of steel, spread over a hole's depth, that absorb as much.
+"""
 
 from itertools import pairwise
 
 import numpy as np
 
 from benchmarks.robustness.around import Around
-from benchmarks.robustness.objects import Objects, SteelBox, axes_across
+from benchmarks.robustness.objects import Objects, SteelBox, axes_across, rod
 from benchmarks.robustness.scene import Drawn, RobustScene, generator_of, rendered, scene_of_shot
 from benchmarks.scenes.random_scenes import scene_of_seed
 from simulation.world.poses import starting_state, world_at
@@ -13,6 +16,8 @@ from simulation.world.poses import starting_state, world_at
 # Steel over the whole depth: 0.18 mm absorb at 60 keV what 12 mm of bone do beyond as much soft tissue.
 _STEEL_MM = (0.03, 0.25)
 _FOILS, _STRIPS, _DEPTH_SHARE = 5, 14, 0.7
+# A drill goes through both walls of the bone, narrower than the hole, as askew as it can be in it.
+_DRILL_SHARES, _DRILLED_MM, _LARGEST_TURN_RAD = (0.64, 0.92), 60.0, 0.12
 
 
 def filled_holes(kind: str, seed: int) -> RobustScene:
@@ -27,6 +32,27 @@ def half_filled_holes(kind: str, seed: int) -> RobustScene:
     generator = generator_of(kind, seed)
     steel_mm, turn = float(generator.uniform(*_STEEL_MM)), float(generator.uniform(0.0, 2.0 * np.pi))
     return _filled(kind, seed, steel_mm, turn, float(generator.uniform(-0.4, 0.4)), generator)
+
+
+def drilled_bone(kind: str, seed: int) -> RobustScene:
+    """Bores through bone and holes, up to 7 degrees askew, as a drill of 0.64 to 0.92 hole widths leaves them."""
+    generator = generator_of(kind, seed)
+    scenario = scene_of_seed(seed)
+    state = starting_state(scenario)
+    share, turn = float(generator.uniform(*_DRILL_SHARES)), float(generator.uniform(0.0, 2.0 * np.pi))
+    askew = float(generator.uniform(0.0, _LARGEST_TURN_RAD))
+    world, bores = world_at(scenario, state), []
+    for number in range(len(scenario.parts.nail.holes)):
+        around = Around.of(scenario, world, number)
+        towards, beside = axes_across(around.axis, turn)
+        aside_mm = (1.0 - share) * around.rim_mm * generator.uniform(-1.0, 1.0, 2)
+        middle = around.middle_mm + aside_mm[0] * towards + aside_mm[1] * beside
+        half = 0.5 * _DRILLED_MM * (np.cos(askew) * around.axis + np.sin(askew) * towards)
+        bores.append(rod(middle - half, middle + half, 2.0 * share * around.rim_mm))
+    objects = Objects(bores=tuple(bores))
+    shot = rendered(scenario, state, lambda packed, _: objects.added_to(packed))
+    drawn: Drawn = {"share": share, "turn_rad": turn, "askew_deg": float(np.degrees(askew))}
+    return scene_of_shot(kind, scenario, shot, drawn, shot.truth.holes)
 
 
 def _filled(

@@ -1,4 +1,4 @@
-"""Foreign objects of steel and soft tissue in the beam's frame, as shapes of the ray tracer."""
+"""Foreign objects of steel and soft tissue, and bores in bone, in the beam's frame, as shapes of the ray tracer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,11 +40,14 @@ class Objects:
         Steel, rows of `shapes.frustum`.
     soft
         Soft tissue, rows of `shapes.ellipsoid`.
+    bores
+        Soft tissue where bone was, rows of `shapes.frustum`.
     """
 
     boxes: tuple[SteelBox, ...] = ()
     rods: tuple[Floats, ...] = ()
     soft: tuple[Floats, ...] = ()
+    bores: tuple[Floats, ...] = ()
 
     def covered_share(self, points_mm: Floats) -> float:
         """Share of points, shape (N, 3), whose rays from the focal spot's middle meet steel."""
@@ -58,14 +61,15 @@ class Objects:
 
     def added_to(self, packed: PackedScene) -> PackedScene:
         """The scene with these objects."""
-        rods, soft = np.array(self.rods).reshape(-1, 10), np.array(self.soft).reshape(-1, 12)
+        rods, soft = np.array([*self.rods, *self.bores]).reshape(-1, 10), np.array(self.soft).reshape(-1, 12)
+        rod_class = np.repeat([tracer.STEEL_PART, tracer.DRILLED], [len(self.rods), len(self.bores)])
         boxes = np.array([one.row for one in self.boxes]).reshape(-1, 6)
         axes = np.array([one.axes for one in self.boxes]).reshape(-1, 3, 3)
         return packed._replace(
             steel_boxes=np.concatenate([packed.steel_boxes, boxes]),
             steel_box_axes=np.concatenate([packed.steel_box_axes, axes]),
             bars=np.concatenate([packed.bars, rods]),
-            bar_class=np.concatenate([packed.bar_class, np.full(len(rods), tracer.STEEL_PART)]),
+            bar_class=np.concatenate([packed.bar_class, rod_class]),
             ellipsoids=np.concatenate([packed.ellipsoids, soft]),
             ellipsoid_class=np.concatenate([packed.ellipsoid_class, np.full(len(soft), tracer.THIGH)]),
         )

@@ -356,7 +356,8 @@ def _because_of_content(turn_deg: float) -> str:
     if turn_deg <= HOLE_CONTENT.much_deg:
         return ""
     return (
-        f"; the holes are darker or brighter than what is beside the nail, which may turn it by {turn_deg:.2f}° (rms)"
+        "; the holes are darker or brighter than what is beside the nail, as bone in them or bores of a drill in line "
+        f"with them are, which may turn it by {turn_deg:.2f}° (rms)"
     )
 
 

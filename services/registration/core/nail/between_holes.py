@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.covariance import found_beyond_noise
+from services.registration.core.nail.covariance import further_parameters, share_beyond
 from services.registration.core.nail.derivatives import derivatives_by_hole_turns, turns_of_holes
 from services.registration.core.nail.forward_model import trace_transmission, visible_fraction
 from services.registration.core.nail.least_squares import LinearSolution, Problem, Solution, with_changes
@@ -36,7 +36,8 @@ def turns_between_holes(problem: Problem, solution: Solution, noise: NoiseModel)
     turned = with_changes(problem, solution, derivatives, precision)
     own = turns_of_holes(holes)
     by_model = np.radians(MODEL_ERRORS.tilt_deg) ** 2 * np.linalg.inv(own.T @ own)
-    found, share = found_beyond_noise(problem, turned, noise, np.kron(by_model, np.eye(2)), precision)
+    found, covariance = further_parameters(problem, turned, noise, len(derivatives), precision)
+    share = share_beyond(found, covariance + np.kron(by_model, np.eye(2)))
     turns = own @ found.reshape(holes - 1, 2)
     return np.asarray(share * turns.T @ turns / holes)
 
@@ -49,8 +50,8 @@ def spread_of_holes_mm(problem: Problem, solution: Solution, noise: NoiseModel) 
     """
     holes, precision = len(problem.model.nail.holes), NAIL_AS_BUILT.usual_place_sd_mm**-2
     shifted = with_changes(problem, solution, _derivatives_by_hole_shifts(solution.linear), precision)
-    by_model = MODEL_ERRORS.position_mm**2 * np.eye(holes)
-    found, share = found_beyond_noise(problem, shifted, noise, by_model, precision)
+    found, covariance = further_parameters(problem, shifted, noise, holes, precision)
+    share = share_beyond(found, covariance + MODEL_ERRORS.position_mm**2 * np.eye(holes))
     return float(np.sqrt(share * np.mean(found**2)))
 
 

@@ -117,20 +117,19 @@ def covariance_by(
     return np.asarray(by_noise + gain @ by_priors @ gain.T)
 
 
-def found_beyond_noise(
-    problem: Problem, changed: Solution, noise: NoiseModel, by_model: NDArray[np.float64], precision: float
-) -> tuple[NDArray[np.float64], float]:
-    """The further parameters after one Gauss-Newton step, shape (K,), and the share of their square beyond noise.
-
-    By the method of moments: what is expected of noise and of the model's own errors, shape (K, K), is taken off.
-    """
-    count = len(by_model)
+def further_parameters(
+    problem: Problem, changed: Solution, noise: NoiseModel, count: int, precision: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The last parameters of `with_changes` after one Gauss-Newton step, shape (K,), and their covariance, (K, K)."""
     inverse = np.asarray(np.linalg.inv(changed.equations.matrix))[-count:]
-    found = inverse @ changed.equations.gradient
     priors = np.concatenate([prior_precision()[problem.free], np.full(count, precision)])
-    expected = covariance_by(problem, changed, noise, inverse, priors) + by_model
-    chi_square = float(found @ np.linalg.solve(expected, found))
-    return found, max(1.0 - count / max(chi_square, count), 0.0)
+    return inverse @ changed.equations.gradient, covariance_by(problem, changed, noise, inverse, priors)
+
+
+def share_beyond(found: NDArray[np.float64], expected: NDArray[np.float64]) -> float:
+    """Share of the square of what was found, shape (K,), beyond an expected covariance, by the method of moments."""
+    count, chi_square = len(found), float(found @ np.linalg.solve(expected, found))
+    return max(1.0 - count / max(chi_square, count), 0.0)
 
 
 def motion_gain(problem: Problem, solution: Solution) -> NDArray[np.float64]:

@@ -3,6 +3,9 @@
 The background continues smoothly through the holes. Where they hold what attenuates more, openings are darker than it;
 the fit may explain that by more metal in the rays' way, and so by more tilt. How much they hold shows well, but not
 always how much of the tilt is owed to it: the pose is uncertain by what content would change.
+
+Where openings are brighter than it, bone was removed in line with the holes, as by a drill. The edges of such bores
+look like rims of the nail, and the fit may follow them: the pose is uncertain by how bright they are.
 """
 
 import numpy as np
@@ -10,8 +13,9 @@ from numpy.typing import NDArray
 
 from services.registration.core.estimation.pose_estimate import POSE_SIZE
 from services.registration.core.nail.attenuation import path_behind
-from services.registration.core.nail.covariance import found_beyond_noise
+from services.registration.core.nail.covariance import further_parameters, share_beyond
 from services.registration.core.nail.derivatives import derivatives_by_transmission
+from services.registration.core.nail.evidence import covariance_of_turns
 from services.registration.core.nail.forward_model import (
     ForwardModel,
     TracedTransmission,
@@ -24,9 +28,14 @@ from services.registration.core.nail.region import nail_plane
 from services.registration.core.tuning import HOLE_CONTENT
 from shared.geometry.parts import Hole, place_of_hole
 
+# Mean place in half of a disc, over its radius.
+_MEAN_OF_HALF = 4.0 / (3.0 * np.pi)
+# Guard: a content that rises nowhere has no brighter half.
+_LEAST_RISE_PER_MM = 1e-9
 
-def motion_by_content(problem: Problem, solution: Solution, noise: NoiseModel) -> NDArray[np.float64]:
-    """Small motion of the nail by the content that its holes seem to have, beyond what is usual, shape (6,).
+
+def covariance_by_content(problem: Problem, solution: Solution, noise: NoiseModel) -> NDArray[np.float64]:
+    """Covariance of the nail's small motion by what its holes seem to hold, beyond what is usual, shape (6, 6).
 
     One Gauss-Newton step estimates the content, the same in all holes, and how it changes across them, beside all free
     parameters. What noise and usual tissue explain of it is taken off by the method of moments.
@@ -34,14 +43,26 @@ def motion_by_content(problem: Problem, solution: Solution, noise: NoiseModel) -
     changes = _derivatives_by_content(problem.model, solution.linear.traced)
     count, precision = len(changes), HOLE_CONTENT.possible_sd_per_mm**-2
     filled = with_changes(problem, solution, changes, precision)
-    usual = HOLE_CONTENT.usual_sd_per_mm**2 * np.eye(count)
-    found_per_mm, share = found_beyond_noise(problem, filled, noise, usual, precision)
+    found_per_mm, covariance = further_parameters(problem, filled, noise, count, precision)
+    share = share_beyond(found_per_mm, covariance + HOLE_CONTENT.usual_sd_per_mm**2 * np.eye(count))
     # with the content held at what was found, the free parameters follow it
     free = len(filled.equations.matrix) - count
     by_content = filled.equations.matrix[:free, free:] @ found_per_mm
     followed = -np.linalg.solve(filled.equations.matrix[:free, :free], by_content)
     motion = problem.model.motion_by_parameters(solution.parameters) @ followed[:POSE_SIZE]
-    return np.asarray(np.sqrt(share) * motion)
+    bright_rad = np.radians(HOLE_CONTENT.turn_deg_mm * _bright_per_mm(found_per_mm, covariance))
+    by_bores = covariance_of_turns(problem.model.nail, 0.5 * bright_rad**2 * np.eye(2))
+    return np.asarray(share * np.outer(motion, motion) + by_bores)
+
+
+def _bright_per_mm(found_per_mm: NDArray[np.float64], covariance: NDArray[np.float64]) -> float:
+    """By how much the brighter halves of the openings attenuate less than what is beside the nail, beyond noise."""
+    rise = float(np.linalg.norm(found_per_mm[1:]))
+    towards = -_MEAN_OF_HALF * found_per_mm[1:] / max(rise, _LEAST_RISE_PER_MM)
+    of_half = np.array([1.0, *towards])
+    brighter = -float(of_half @ found_per_mm)
+    expected = float(of_half @ covariance @ of_half) + HOLE_CONTENT.usual_bright_per_mm**2
+    return float(np.sqrt(max(max(brighter, 0.0) ** 2 - expected, 0.0)))
 
 
 def _derivatives_by_content(model: ForwardModel, traced: TracedTransmission) -> list[NDArray[np.float64]]:

@@ -18,7 +18,7 @@ from services.registration.core.nail.covariance import (
 )
 from services.registration.core.nail.evidence import agreement_of_parts, hole_views, residual_statistics, rim_shares
 from services.registration.core.nail.forward_model import ForwardModel, model_at
-from services.registration.core.nail.hole_content import motion_by_content
+from services.registration.core.nail.hole_content import covariance_by_content
 from services.registration.core.nail.least_squares import (
     Problem,
     Solution,
@@ -212,7 +212,7 @@ def _with_evidence(end: FitEnd, errors: PoseErrors, *, objects_left_out: bool) -
     problem, solution, noise = end.problem, end.solution, end.noise
     model, parameters = problem.model, solution.parameters
     parts = agreement_of_parts(problem, solution, noise)
-    by_content = motion_by_content(problem, solution, noise)
+    by_content = covariance_by_content(problem, solution, noise)
     evidence = FitEvidence(
         holes=hole_views(problem, solution),
         residual=residual_statistics(problem, solution, noise),
@@ -228,11 +228,11 @@ def _with_evidence(end: FitEnd, errors: PoseErrors, *, objects_left_out: bool) -
     )
     fit = NailFit(
         model.pose(parameters),
-        parts.widened(with_chamfers_as_seen(errors), model.nail).with_more(np.outer(by_content, by_content)),
+        parts.widened(with_chamfers_as_seen(errors), model.nail).with_more(by_content),
         evidence,
         curvature_of(parameters),
         max(spread_of_holes_mm(problem, solution, noise), parts.spread_of_holes_mm(model.nail)),
-        content_turn_deg=float(np.degrees(np.linalg.norm(by_content[:3]))),
+        content_turn_deg=float(np.degrees(np.sqrt(np.trace(by_content[:3, :3])))),
     )
     return ImageFit(fit, end)
 
