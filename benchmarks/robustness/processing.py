@@ -111,6 +111,7 @@ OPERATORS: dict[str, Operator] = {
     "bilateral_filter": tone.bilateral_filter,
     "non_local_means": tone.non_local_means,
     "median_filter": tone.median_filter,
+    "gaussian_blur": tone.gaussian_blur,
     "jpeg": tone.jpeg,
     "monitor_chain": tone.monitor_chain,
     "gamma": tone.gamma_curve,

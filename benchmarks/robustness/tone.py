@@ -105,6 +105,12 @@ def median_filter(share: Grey, generator: np.random.Generator) -> Processed:
     return Processed(np.asarray(cv2.medianBlur(share, size), dtype=np.float32), {"size_px": size})
 
 
+def gaussian_blur(share: Grey, generator: np.random.Generator) -> Processed:
+    """A Gaussian of 0.8 to 4 px over image and noise."""
+    sigma_px = float(generator.uniform(0.8, 4.0))
+    return Processed(cv2.GaussianBlur(share, (0, 0), sigma_px).astype(np.float32), {"sigma_px": sigma_px})
+
+
 def jpeg(share: Grey, generator: np.random.Generator) -> Processed:
     """JPEG of quality 70 to 95."""
     quality = int(generator.integers(70, 96))

@@ -36,12 +36,13 @@ from services.registration.core.acceptance.criteria import (
     SPOT,
     STRAIGHT_MARGIN,
     STRUCTURE,
+    TAILED_NOISE_INFLATION,
     TILT,
     Openings,
 )
 from services.registration.core.c_arm_advice import CArmTurn
 from services.registration.core.hole_axes import HoleEstimate
-from services.registration.core.tuning import HOLE_CONTENT, NAIL_AS_BUILT
+from services.registration.core.tuning import AGREEMENT_OF_PARTS, HOLE_CONTENT, NAIL_AS_BUILT
 from shared.acceptance import Criterion
 from shared.errors import Reason, ReasonCode
 from shared.geometry.calibration import CArmCalibration
@@ -102,6 +103,11 @@ class FitEvidence:
     def filtered(self) -> bool:
         """Whether the residual is that of a filter against noise; what looks like an object is then its trace."""
         return self.residual_tails > FILTERED
+
+    @property
+    def has_tails(self) -> bool:
+        """Whether few residuals are far larger than most, as beside objects and behind filters, but not by blur."""
+        return not self.residual_tails <= AGREEMENT_OF_PARTS.usual_tails
 
     @property
     def beside_objects(self) -> bool:
@@ -232,10 +238,12 @@ def _mismatch(evidence: FitEvidence) -> Iterator[Reason]:
             f"a spot at a hole differs from the best fit by {SPOT.quoted(residual.spot)} of the step from metal to "
             "background: something lies over it, or balls hide so much of its rim that the pose is wrong"
         )
-    if not NOISE_INFLATION.is_met(residual.noise_inflation):
-        quoted = NOISE_INFLATION.quoted(residual.noise_inflation)
+    inflation = TAILED_NOISE_INFLATION if evidence.has_tails else NOISE_INFLATION
+    if not inflation.is_met(residual.noise_inflation):
+        quoted = inflation.quoted(residual.noise_inflation)
         by_object = "something that the nail file does not describe lies there"
-        yield NOISE_INFLATION.reason(
+        by_object = by_object if evidence.has_tails else f"{by_object}, or the image is blurred"
+        yield inflation.reason(
             "after the noise's own correlation is removed, the residual around the nail is still correlated over "
             f"{quoted}: {'a filter does that' if evidence.filtered else by_object}",
             PROCESSING.remedy if evidence.filtered else "",

@@ -116,7 +116,7 @@ class Agreement:
     shape: float  # fitted radii beside the part file's, in standard deviations of the prior
     shape_at_scale: float  # the same beside the part file's at the nail's own scale
     scale_excess: float  # by how much nail and holes together appear larger than in the file, as a share
-    noise_inflation: float  # what noise is left correlated after whitening, in pixels: filters leave much
+    noise_inflation: float  # what noise is left correlated after whitening, in pixels: filters and blur leave much
     softness: float  # hardening of the beam below the usual one, in standard deviations of the prior
     sharpening: float  # edge enhancement beside the usual one, either way, in standard deviations of the prior
     tails: float  # variance of the residuals over the one by their median: filters against noise leave a few large ones
@@ -128,14 +128,16 @@ class Agreement:
 
         What plain images show too counts nothing; beyond it each symptom adds the square of its excess. Where a filter
         has left heavy tails, what is left of the noise does not determine the errors, however well the parts agree;
-        elsewhere a scale of nail and holes is that of the part, and no symptom.
+        elsewhere a scale of nail and holes is that of the part, and correlated noise that of a blurred image.
         """
         s = AGREEMENT_OF_PARTS
-        shape = self.shape if self.tails > s.usual_tails else self.shape_at_scale
+        filtered = self.tails > s.usual_tails
+        shape = self.shape if filtered else self.shape_at_scale
+        noise_inflation = self.noise_inflation if filtered else s.usual_noise_inflation
         excesses = (
             min(self.bulge - s.usual_bulge, s.largest_bulge_excess) / s.bulge_of_one_deviation,
             (shape - s.usual_shape) / s.shape_of_one_deviation,
-            (self.noise_inflation - s.usual_noise_inflation) / s.inflation_of_one_deviation,
+            (noise_inflation - s.usual_noise_inflation) / s.inflation_of_one_deviation,
             (self.softness - s.usual_softness) / s.softness_of_one_deviation,
             (self.sharpening - s.usual_sharpening) / s.sharpening_of_one_deviation,
         )

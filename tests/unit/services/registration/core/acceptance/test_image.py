@@ -92,6 +92,10 @@ def test_correlated_residuals_are_blamed_on_a_filter_where_it_shows() -> None:
     assert "a filter does that; switch off" in by_filter.message
 
 
+def test_noise_as_blurred_as_the_image_is_no_reason_against_it() -> None:
+    assert not fit_reasons(replace(FIT, residual=replace(RESIDUAL, noise_inflation=34.0)))
+
+
 def test_uncertainty_beside_objects_asks_for_a_free_view() -> None:
     uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
     (reason,) = localisation_reasons(replace(uncertain, departures=Departures(error_ratio=2.2, beside_objects=True)))
@@ -249,9 +253,14 @@ def test_within_all_limits_is_accepted() -> None:
             "edges of nail and holes is 2.1 times (limit 2 times) that elsewhere",
         ),
         (
-            replace(FIT, residual=replace(RESIDUAL, noise_inflation=14.0)),
+            replace(FIT, residual=replace(RESIDUAL, noise_inflation=14.0), residual_tails=1.1),
             ReasonCode.NAIL_MODEL_MISMATCH,
             "over 14.0 pixels (limit 10 pixels)",
+        ),
+        (
+            replace(FIT, residual=replace(RESIDUAL, noise_inflation=64.0)),
+            ReasonCode.NAIL_MODEL_MISMATCH,
+            "over 64.0 pixels (limit 60 pixels): something that the nail file does not describe lies there, or the",
         ),
         (
             replace(FIT, residual=replace(RESIDUAL, spot=0.7)),

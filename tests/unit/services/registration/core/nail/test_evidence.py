@@ -55,7 +55,6 @@ def test_what_plain_images_show_changes_nothing() -> None:
         ("bulge", 0.3, 2.0),
         ("bulge", 0.9, 3.25),
         ("shape_at_scale", 1.0, 2.0),
-        ("noise_inflation", 6.6, 5.0),
         ("softness", 2.3, 2.0),
         ("sharpening", 3.0, 2.0),
         ("tails", 2.1, 4.0),
@@ -79,6 +78,12 @@ def test_a_scale_of_nail_and_holes_is_a_symptom_only_where_a_filter_shows() -> N
     scaled = replace(USUAL, shape=1.0, shape_at_scale=0.1)
     assert scaled.variance_ratio == 1.0
     assert replace(scaled, tails=1.06).variance_ratio == pytest.approx(2.0)
+
+
+def test_noise_that_stays_correlated_is_a_symptom_only_where_a_filter_shows() -> None:
+    smooth = replace(USUAL, noise_inflation=6.6)
+    assert smooth.variance_ratio == 1.0
+    assert replace(smooth, tails=1.06).variance_ratio == pytest.approx(5.0)
 
 
 def test_rotation_grows_by_the_ratio_and_position_by_its_root() -> None:
