@@ -146,10 +146,10 @@ BEST_OPENING: Final = Criterion(
     "turn the C-arm towards the hole's axis, or move what covers it, and take one more image",
     f"fitted by inspection on 279 random scenes ({_FITTING}): one hole determines the tilt")
 OTHER_OPENING: Final = Criterion(
-    ReasonCode.HOLE_NOT_VISIBLE, "visible share of the disc of every other hole", at_least(0.12, "%", decimals=0),
+    ReasonCode.HOLE_NOT_VISIBLE, "visible share of the disc of every other hole", at_least(0.04, "%", decimals=0),
     BEST_OPENING.remedy,
-    f"fitted by inspection on 279 random scenes ({_FITTING}): with 35 % for every hole seven were refused, six of "
-    "which are localised right")
+    "fitted on `wire_across_rim`, seeds 60300-60355: of 56 scenes 47 are accepted, 43 with 12 %; the others "
+    "are right within 1.6 predicted errors: one hole determines the tilt, and how much of each rim shows is limited")
 BEST_RIM: Final = Criterion(
     ReasonCode.HOLE_NOT_VISIBLE, "visible share of the rim of the hole that shows most of it",
     at_least(0.5, "%", decimals=0), "move what covers it, or turn the C-arm by 5°, and take one more image",
@@ -290,7 +290,9 @@ FRAME_CONTRAST_TO_NOISE: Final = replace(
     CONTRAST_TO_NOISE, remedy="take away what covers it, or raise the dose", origin=_AS_IN_AN_IMAGE)
 FRAME_BEST_OPENING: Final = replace(
     BEST_OPENING, remedy="move what covers it, or keep the hole inside the image", origin=_AS_IN_AN_IMAGE)
-FRAME_OTHER_OPENING: Final = replace(OTHER_OPENING, remedy=FRAME_BEST_OPENING.remedy, origin=_AS_IN_AN_IMAGE)
+FRAME_OTHER_OPENING: Final = replace(
+    OTHER_OPENING, limit=at_least(0.12, "%", decimals=0), remedy=FRAME_BEST_OPENING.remedy,
+    origin=f"fitted by inspection on 279 random scenes ({_FITTING}): with 35 % seven were refused, six of them right")
 FRAME_STRUCTURE: Final = Criterion(
     ReasonCode.NAIL_MODEL_MISMATCH,
     "rms of the smoothed residual at the edges of nail and holes, over that elsewhere, on coarser pixels",

@@ -203,9 +203,9 @@ def test_within_all_limits_is_accepted() -> None:
     ("evidence", "code", "words"),
     [
         (
-            replace(FIT, holes=(HoleView("distal", 0.1, 12.0), FIT.holes[1])),
+            replace(FIT, holes=(HoleView("distal", 0.03, 12.0), FIT.holes[1])),
             ReasonCode.HOLE_NOT_VISIBLE,
-            "hole 'distal' shows 10 % (at least 12 %) of its disc",
+            "hole 'distal' shows 3 % (at least 4 %) of its disc",
         ),
         (
             replace(FIT, holes=(HoleView("distal", 0.3, 12.0), HoleView("proximal", 0.2, 9.0))),
