@@ -161,7 +161,8 @@ CONTRAST_TO_NOISE: Final = Criterion(
     ReasonCode.HOLE_NOT_VISIBLE,
     "brightness of a hole's opening over the metal around it, in standard deviations of the noise: a pixel's, times "
     "the root of how many pixels it is correlated over",
-    at_least(3.0, "", decimals=1), "raise the dose and take one more image", _INSPECTION)
+    at_least(3.0, "", decimals=1),
+    "raise the dose, or turn the C-arm until no bone edge lies behind the hole, and take one more image", _INSPECTION)
 DIAMETER_EXCESS: Final = Criterion(
     ReasonCode.NAIL_MODEL_MISMATCH, "fitted diameter of the holes, and of the nail, against the nail file",
     at_most(0.24, "mm", decimals=2), "check that the file is that of the implanted nail",
@@ -179,15 +180,16 @@ SPOT: Final = Criterion(
     f"fitted by inspection ({_FITTING}): at most 9 % at right poses, 56 and 93 % at wrong ones")
 NOISE_INFLATION: Final = Criterion(
     ReasonCode.NAIL_MODEL_MISMATCH,
-    "correlation that is left in the residual around the nail after the noise's own is removed, in a blurred image",
+    "correlation that is left in the residual around the nail after the noise's own is removed",
     at_most(60.0, "pixels", decimals=1),
     "check the nail file, or take one more image without what lies there, or a sharper one",
-    "derived: what a Gaussian of 4 px leaves; noise that is as blurred as the image has its due share of the errors")
+    "1.5 times what a Gaussian of 4 px leaves of independent images (40); noise that is as blurred as the image has its "
+    "due share of the errors")
 TAILED_NOISE_INFLATION: Final = replace(
     NOISE_INFLATION,
-    measured="correlation that is left in the residual around the nail after the noise's own is removed, in one with "
-    "heavy tails",
-    limit=at_most(10.0, "pixels", decimals=1), origin=_INSPECTION)
+    measured="the same where few residuals are far larger than most, as beside objects and behind filters",
+    limit=at_most(10.0, "pixels", decimals=1),
+    remedy="check the nail file, or take one more image without what lies there", origin=_INSPECTION)
 PROCESSING: Final = Criterion(
     ReasonCode.IMAGE_PROCESSED,
     "error of the nail's rotation by which parts of the image disagree, over what the noise explains",

@@ -131,9 +131,9 @@ class Agreement:
         elsewhere a scale of nail and holes is that of the part, and correlated noise that of a blurred image.
         """
         s = AGREEMENT_OF_PARTS
-        filtered = self.tails > s.usual_tails
-        shape = self.shape if filtered else self.shape_at_scale
-        noise_inflation = self.noise_inflation if filtered else s.usual_noise_inflation
+        has_tails = self.tails > s.usual_tails
+        shape = self.shape if has_tails else self.shape_at_scale
+        noise_inflation = self.noise_inflation if has_tails else s.usual_noise_inflation
         excesses = (
             min(self.bulge - s.usual_bulge, s.largest_bulge_excess) / s.bulge_of_one_deviation,
             (shape - s.usual_shape) / s.shape_of_one_deviation,
