@@ -183,8 +183,8 @@ NOISE_INFLATION: Final = Criterion(
     "correlation that is left in the residual around the nail after the noise's own is removed",
     at_most(60.0, "pixels", decimals=1),
     "check the nail file, or take one more image without what lies there, or a sharper one",
-    "1.5 times what a Gaussian of 4 px leaves of independent images (40); noise that is as blurred as the image has its "
-    "due share of the errors")
+    "1.5 times what a Gaussian of 4 px leaves of independent images (40): noise that is as blurred as the image has "
+    "its due share of the errors")
 TAILED_NOISE_INFLATION: Final = replace(
     NOISE_INFLATION,
     measured="the same where few residuals are far larger than most, as beside objects and behind filters",
