@@ -721,7 +721,7 @@ class HoleContent:
     )
     usual_sd_per_mm: float = tuned(0.002, "1/mm", "what plain images show too", _CONTENT)
     usual_bright_per_mm: float = tuned(0.004, "1/mm", "the same of an opening's brighter half", _BORES)
-    turn_deg_mm: float = tuned(40.0, "° mm", "turn by the edges of bores so bright", _BORES)
+    turn_deg_mm: float = tuned(50.0, "° mm", "turn by the edges of bores so bright", _BORES)
     much_deg: float = tuned(0.1, "°", "turn from which a refusal names it", derived("the usual error of an axis"))
 
 
