@@ -33,7 +33,8 @@ _CONTENT: Final = fitted(
     "the 28 plain independent images and 12 own (seeds 60500-60511): 0.006 at most (decision 0063)"
 )
 _BORES: Final = fitted(
-    "`drilled_bone`, seeds 60500-60544; of the 28 plain independent images the brightest half has 0.005 (decision 0063)"
+    "`drilled_bone`, seeds 60500-60544, and independent images with bores; plain ones are brighter by 0.005 at most "
+    "(decision 0063)"
 )
 _TAILS: Final = fitted("by inspection: seeds 60000-60023, plain and through three filters (decision 0018)")
 _PROCESSED: Final = fitted("by inspection: seeds 30024-30063 through local contrast and filters (decision 0018)")
@@ -721,7 +722,7 @@ class HoleContent:
     )
     usual_sd_per_mm: float = tuned(0.002, "1/mm", "what plain images show too", _CONTENT)
     usual_bright_per_mm: float = tuned(0.004, "1/mm", "the same of an opening's brighter half", _BORES)
-    turn_deg_mm: float = tuned(50.0, "° mm", "turn by the edges of bores so bright", _BORES)
+    turn_deg_mm: float = tuned(50.0, "° mm", "turn by the edges of bores so bright, over 1/mm", _BORES)
     much_deg: float = tuned(0.1, "°", "turn from which a refusal names it", derived("the usual error of an axis"))
 
 

@@ -121,7 +121,7 @@ class Departures:
 
     error_ratio: float = 1.0  # of the nail's rotation, over what the noise explains
     beside_objects: bool = False  # see `FitEvidence.beside_objects`
-    content_turn_deg: float = 0.0  # standard error of the nail's rotation by what its holes hold
+    content_turn_deg: float = 0.0  # standard error of the nail's rotation by what its holes hold, or bores
     display_turn_deg: float = 0.0  # standard error of its rotation by a display's curve that changes with the place
     other_bend_deg: float = 0.0  # how far the holes' axes are of a nail bent otherwise that explains the image as well
     lag_px: float = 0.0  # how far the guide's balls reach to one side: earlier frames are in the image

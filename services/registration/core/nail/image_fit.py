@@ -62,7 +62,7 @@ class NailFit:
     evidence: FitEvidence
     curvature_per_m: tuple[float, float]  # of the centre line towards the nail's y and z; zero where none was found
     hole_spread_mm: float  # standard deviation of the holes' places about their file's (`spread_of_holes_mm`)
-    content_turn_deg: float = 0.0  # standard error of its rotation by what its holes hold
+    content_turn_deg: float = 0.0  # standard error of its rotation by what its holes hold, or bores
     display_turn_deg: float = 0.0  # standard error of its rotation by a display's curve that changes with the place
     other_bend_deg: float = 0.0  # how far the holes' axes are of a nail bent otherwise that explains the image as well
 

@@ -8,7 +8,7 @@ from benchmarks.robustness.around import Around
 from benchmarks.robustness.foreign_objects import retractor, screw_half_in, wire_across_rim
 from benchmarks.robustness.held_out import clamp, drill_over_rim, lead_letter
 from benchmarks.robustness.held_out_metal import blocking_screw, cerclage_wires, fixator_pins, pellets, skin_staples
-from benchmarks.robustness.objects import Objects, ball
+from benchmarks.robustness.objects import Objects, ball, rod
 from shared.geometry.lines import unit
 from simulation.render.attenuation import Material
 from simulation.render.scene import balls_in_view, pack_scene
@@ -94,6 +94,21 @@ def test_nothing_added_changes_nothing() -> None:
     one = around()
     points = rim(one, 3.0, 36)
     assert np.array_equal(steel_mm(Objects(), points), np.zeros(len(points)))
+
+
+def test_a_bore_replaces_bone_by_soft_tissue_and_leaves_the_metal() -> None:
+    one = around()
+    bore = Objects(bores=(rod(one.middle_mm - 40.0 * one.axis, one.middle_mm + 40.0 * one.axis, 4.0),))
+    middle = (one.middle_mm / one.middle_mm[2] * PACKED.detector_distance_mm)[None, :2]
+    before, after = (
+        trace_lengths(packed, np.ascontiguousarray(middle), np.full(1, -1))[0]
+        for packed in (PACKED, bore.added_to(PACKED))
+    )
+    metal = [Material.STEEL, Material.TITANIUM]
+    assert after[Material.CORTICAL_BONE] < before[Material.CORTICAL_BONE] - 2.0
+    assert after.sum() == pytest.approx(before.sum())
+    np.testing.assert_allclose(after[metal], before[metal])
+    assert bore.covered_share(one.inside_rim()) == 0.0
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.6, 0.9])

@@ -21,6 +21,7 @@ OPERATORS: tuple[Operator, ...] = (
     tone.bilateral_filter,
     tone.non_local_means,
     tone.median_filter,
+    tone.gaussian_blur,
     tone.jpeg,
     tone.monitor_chain,
     tone.half_size,
