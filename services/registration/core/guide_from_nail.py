@@ -35,7 +35,6 @@ class NailEstimate:
     error_ratio: float = 1.0  # by which the errors of its rotation exceed what the image's noise explains
     curvature_per_m: tuple[float, float] = (0.0, 0.0)  # of a nail that is bent, towards its y and z
     hole_spread_mm: float = 0.0  # standard deviation of the holes' places about their file's, as the image shows it
-    content_turn_deg: float = 0.0  # standard error of its rotation by what its holes hold, or bores
     display_turn_deg: float = 0.0  # standard error of its rotation by a display's curve that changes with the place
     beside_objects: bool = False  # see `FitEvidence.beside_objects`
     other_bend_deg: float = 0.0  # how far the holes' axes are of a nail bent otherwise that explains the image as well
@@ -61,7 +60,6 @@ class NailEstimate:
             error_ratio=fit.evidence.error_ratio,
             curvature_per_m=fit.curvature_per_m,
             hole_spread_mm=fit.hole_spread_mm,
-            content_turn_deg=fit.content_turn_deg,
             display_turn_deg=fit.display_turn_deg,
             beside_objects=fit.evidence.beside_objects,
             other_bend_deg=fit.other_bend_deg,

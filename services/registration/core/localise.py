@@ -133,7 +133,6 @@ def departures_of(calibration: CArmCalibration, guide: GuideFit, nail: NailEstim
     return Departures(
         error_ratio=nail.error_ratio,
         beside_objects=nail.beside_objects,
-        content_turn_deg=nail.content_turn_deg,
         display_turn_deg=nail.display_turn_deg,
         other_bend_deg=nail.other_bend_deg,
         lag_px=guide.lag_px,

@@ -30,10 +30,7 @@ _EVIDENT: Final = fitted(
 _BESIDE: Final = fitted("by inspection: ten refused or far off of seeds 60007-60014, plate 60026 (decision 0019)")
 _FILTERED: Final = fitted("`distalock bench processing --seeds fit --count 12`: bilateral filter and local contrast")
 _CONTENT: Final = fitted(
-    "the 28 plain independent images and 12 own (seeds 60500-60511): 0.006 at most (decision 0063)"
-)
-_BORES: Final = fitted(
-    "`drilled_bone`, seeds 60500-60544, and independent images with bores; plain ones are brighter by 0.005 at most "
+    "holes that hold bone, dust or bores, seeds 60500-60544, and plain independent images, as they are and with bores "
     "(decision 0063)"
 )
 _TAILS: Final = fitted("by inspection: seeds 60000-60023, plain and through three filters (decision 0018)")
@@ -715,15 +712,12 @@ class NailAsBuilt:
 
 @dataclass(frozen=True, slots=True)
 class HoleContent:
-    """What holes hold that is not beside the nail (`core/nail/hole_content.py`)."""
+    """The background about holes, which hold what is not beside the nail (`core/nail/hole_content.py`)."""
 
-    possible_sd_per_mm: float = tuned(
-        0.05, "1/mm", "prior of its attenuation", physical("bone: 0.04 at 60 keV; cement")
+    reach_radii: float = tuned(2.5, "hole radii", "so far from a hole's middle it may be looser", _CONTENT)
+    looser: tuple[float, ...] = tuned(
+        (40.0, 10.0, 3.0, 1.0), "1", "its second differences there over the usual ones, to choose from", _CONTENT
     )
-    usual_sd_per_mm: float = tuned(0.002, "1/mm", "what plain images show too", _CONTENT)
-    usual_bright_per_mm: float = tuned(0.004, "1/mm", "the same of an opening's brighter half", _BORES)
-    turn_deg_mm: float = tuned(50.0, "° mm", "turn by the edges of bores so bright, over 1/mm", _BORES)
-    much_deg: float = tuned(0.1, "°", "turn from which a refusal names it", derived("the usual error of an axis"))
 
 
 @dataclass(frozen=True, slots=True)

@@ -210,8 +210,6 @@ AGREEMENT_OF_FILTERED: Final = replace(
     measured="the same, where the residual shows that a filter against noise was on", remedy=PROCESSING.remedy)
 # From here processing is the larger part of the error, and dose would not help.
 MUCH_PROCESSED: Final = 2.0
-# Where the holes hold something: what it does to the tilt grows with the tilt.
-CONTENT_REMEDY: Final = "turn the C-arm until it looks along the holes, or clear them of bone, and take one more image"
 # Where frames of a C-arm that moved are the reason: what was averaged with earlier ones has tails.
 LAG_REMEDY: Final = "keep C-arm and patient still for a second, or switch off frame averaging, and take one more image"
 MIRROR_MARGIN: Final = Criterion(

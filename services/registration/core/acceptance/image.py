@@ -18,7 +18,6 @@ from services.registration.core.acceptance.criteria import (
     BEST_RIM,
     CHANCE_TO_PASS,
     CLEAR_VIEW,
-    CONTENT_REMEDY,
     CONTRAST_TO_NOISE,
     DIAMETER_EXCESS,
     DISTORTION_DEVIATION,
@@ -42,7 +41,7 @@ from services.registration.core.acceptance.criteria import (
 )
 from services.registration.core.c_arm_advice import CArmTurn
 from services.registration.core.hole_axes import HoleEstimate
-from services.registration.core.tuning import AGREEMENT_OF_PARTS, HOLE_CONTENT, NAIL_AS_BUILT
+from services.registration.core.tuning import AGREEMENT_OF_PARTS, NAIL_AS_BUILT
 from shared.acceptance import Criterion
 from shared.errors import Reason, ReasonCode
 from shared.geometry.calibration import CArmCalibration
@@ -121,7 +120,6 @@ class Departures:
 
     error_ratio: float = 1.0  # of the nail's rotation, over what the noise explains
     beside_objects: bool = False  # see `FitEvidence.beside_objects`
-    content_turn_deg: float = 0.0  # standard error of the nail's rotation by what its holes hold, or bores
     display_turn_deg: float = 0.0  # standard error of its rotation by a display's curve that changes with the place
     other_bend_deg: float = 0.0  # how far the holes' axes are of a nail bent otherwise that explains the image as well
     lag_px: float = 0.0  # how far the guide's balls reach to one side: earlier frames are in the image
@@ -135,7 +133,6 @@ class Departures:
         causes = (
             (_because_of_disagreement(self.error_ratio), _remedy(beside_objects=self.beside_objects)),
             (_because_of_the_display(self.display_turn_deg), PROCESSING.remedy),
-            (_because_of_content(self.content_turn_deg), CONTENT_REMEDY),
             (_because_of_another_bend(self.other_bend_deg), MIRROR_MARGIN.remedy),
             (_because_of_lag(self.lag_px), LAG_REMEDY),
             (because_of_the_guide(self.guide_spread_mm), MEASURE_THE_GUIDE),
@@ -358,15 +355,6 @@ def _because_of_the_display(turn_deg: float) -> str:
     if turn_deg <= 0.0:
         return ""
     return f"; local contrast differs from place to place, which may turn the nail by {turn_deg:.2f}° (rms)"
-
-
-def _because_of_content(turn_deg: float) -> str:
-    if turn_deg <= HOLE_CONTENT.much_deg:
-        return ""
-    return (
-        "; the holes are darker or brighter than what is beside the nail, as bone in them or bores of a drill in line "
-        f"with them are, which may turn it by {turn_deg:.2f}° (rms)"
-    )
 
 
 def _because_of_another_bend(apart_deg: float) -> str:

@@ -48,8 +48,6 @@ DERIVATIVES = MOTION_SIZE + 5
 
 # Guard: below, the law is the exponential one, and its derivative the first term of a series.
 _NO_HARDENING = 1e-3
-# Paths for which the inverse of the law is tabulated: longer than through any nail, every 0.01 mm.
-_LONGEST_MM, _PATHS = 60.0, 6001
 # Guard: rays along a surface would move their ends without bound.
 _LEAST_INCIDENCE = 0.002
 
@@ -94,14 +92,6 @@ def transmission_behind(path_mm: float, material: Material) -> PathTransmission:
     logarithm, left = np.log(1.0 + hardening * soft) / hardening, soft / (1.0 + hardening * soft)
     transmission = np.exp(-hardest * depth - logarithm)
     return transmission, -(hardest * depth + left) * transmission, (logarithm - left) / hardening * transmission
-
-
-def path_behind(transmission: NDArray[np.float64], material: Material) -> NDArray[np.float64]:
-    """Path in mm behind which there is a transmission: the inverse of `transmission_behind`, up to `_LONGEST_MM`."""
-    path_mm = np.linspace(0.0, _LONGEST_MM, _PATHS)
-    depth, hardening, hardest = material[0] * path_mm, max(material[1], _NO_HARDENING), material[2]
-    behind = np.exp(-hardest * depth - np.log1p(hardening * (1.0 - hardest) * depth) / hardening)
-    return np.asarray(np.interp(-transmission, -behind, path_mm))
 
 
 @compiled_inline

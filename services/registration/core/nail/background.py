@@ -4,22 +4,28 @@ Its coefficients couple only to their neighbours: the field's block of the norma
 columns that act everywhere are a border. Solved so, the equations cost a small part of what a full matrix would.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 from scipy.linalg import cho_factor, cho_solve, cholesky_banded
 from scipy.linalg.lapack import dtbtrs
 
 from shared.compiled import compiled, compiled_inline
 from shared.two_cores import on_both_halves
 
+# Precision of the roughness over the usual one, shape (A, C), at places along the nail, (A, 1), and across it, (C,).
+Stiffness = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+
 # A bicubic cell has four by four coefficients.
 _IN_CELL = 16
 # Guard: keeps the matrix positive definite where no pixel determines a coefficient.
 _LEAST_RIDGE = 1e-9
+# Guard: keeps the prior's matrix positive definite, which says nothing of planes; over the roughness.
+_PLANES_RIDGE = 1e-9
 # The equations of fewer cells are summed sooner than handed to another core.
 _LEAST_CELLS_TO_SHARE = 100
 
@@ -53,6 +59,11 @@ class BorderedFactor:
     band: NDArray[np.float64]  # of the field's block, as LAPACK holds it, shape (width, M)
     border: NDArray[np.float64]  # what stands beside it, transposed, shape (M, D)
     corner: NDArray[np.float64]  # the last block, shape (D, D)
+
+    @property
+    def log_determinant(self) -> float:
+        """Logarithm of the matrix's determinant."""
+        return 2.0 * float(np.log(self.band[0]).sum() + np.log(np.diagonal(self.corner)).sum())
 
     def solved(self, sides: NDArray[np.float64]) -> NDArray[np.float64]:
         """Solution for right-hand sides of shape (M + D,) or (M + D, T), of the same shape."""
@@ -109,6 +120,12 @@ class SplineField(NamedTuple):
         """Number of coefficients."""
         return self.grid[0] * self.grid[1]
 
+    def log_prior_determinant(self, precision: float) -> float:
+        """Logarithm of the determinant of the prior's precision, up to what is the same for every stiffness."""
+        band = precision * self.roughness_band.T
+        band[0] += _PLANES_RIDGE * precision
+        return 2.0 * float(np.log(cholesky_banded(band, lower=True, check_finite=False)[0]).sum())
+
     def at_places(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
         """Value of the field at the places, shape (N,), from coefficients, shape (M,)."""
         out = np.empty(len(self.corner))
@@ -116,11 +133,22 @@ class SplineField(NamedTuple):
         return out
 
 
-def spline_field(along_mm: NDArray[np.float64], across_mm: NDArray[np.float64], spacing_mm: float) -> SplineField:
+def alike(along_mm: NDArray[np.float64], across_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The stiffness of a field that is as smooth in one place as in another."""
+    return np.ones(np.broadcast_shapes(along_mm.shape, across_mm.shape))
+
+
+def spline_field(
+    along_mm: NDArray[np.float64], across_mm: NDArray[np.float64], spacing_mm: float, stiffness: Stiffness = alike
+) -> SplineField:
     """Basis for places in the nail's plane, shape (N,) each, with knots `spacing_mm` apart."""
     first, count_along, weights_along = _axis_weights(along_mm, spacing_mm)
     second, count_across, weights_across = _axis_weights(across_mm, spacing_mm)
-    roughness = _roughness(count_along, count_across)
+    roughness = _roughness(
+        _coefficient_places(along_mm, spacing_mm, count_along),
+        _coefficient_places(across_mm, spacing_mm, count_across),
+        stiffness,
+    )
     corner = first * count_across + second
     order = np.argsort(corner, kind="stable")
     cells = np.flatnonzero(np.diff(corner[order], prepend=-1, append=-1))
@@ -137,16 +165,32 @@ def _axis_weights(places: NDArray[np.float64], spacing: float) -> tuple[NDArray[
     return cell, int(cell.max()) + 4, weights / 6.0
 
 
-def _roughness(along: int, across: int) -> NDArray[np.float64]:
-    def second_differences(count: int) -> NDArray[np.float64]:
-        d = np.diff(np.eye(count), n=2, axis=0)
-        return np.asarray(d.T @ d)
+def _coefficient_places(places_mm: NDArray[np.float64], spacing_mm: float, count: int) -> NDArray[np.float64]:
+    """Where each coefficient along an axis acts most: the first of a cell's one knot before it."""
+    return np.asarray(places_mm.min() + spacing_mm * (np.arange(count) - 1.0))
 
+
+def _roughness(
+    along_mm: NDArray[np.float64], across_mm: NDArray[np.float64], stiffness: Stiffness
+) -> NDArray[np.float64]:
+    """Squared differences of coefficients at such places, each as stiff as the field is there, shape (M, M)."""
+    size = len(along_mm) * len(across_mm)
+    total = sparse.csr_array((size, size))
     # mixed differences determine the coefficients that no pixel depends on
-    d_along, d_across = np.diff(np.eye(along), axis=0), np.diff(np.eye(across), axis=0)
-    mixed = np.kron(d_along.T @ d_along, d_across.T @ d_across)
-    bend = np.kron(second_differences(along), np.eye(across)) + np.kron(np.eye(along), second_differences(across))
-    return np.asarray(bend + 2.0 * mixed)
+    for order_along, order_across, count in ((2, 0, 1.0), (0, 2, 1.0), (1, 1, 2.0)):
+        along, at_along_mm = _differences(along_mm, order_along)
+        across, at_across_mm = _differences(across_mm, order_across)
+        differences = sparse.kron(along, across, format="csr")
+        stiff = count * stiffness(at_along_mm[:, None], at_across_mm).ravel()
+        total = total + differences.T @ sparse.diags_array(stiff) @ differences
+    return np.asarray(total.toarray())
+
+
+def _differences(places_mm: NDArray[np.float64], order: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Differences of an order along an axis, shape (D, A), and the middles of what they compare, shape (D,)."""
+    differences = np.diff(np.eye(len(places_mm)), n=order, axis=0)
+    share = np.abs(differences)
+    return differences, share @ places_mm / share.sum(axis=1)
 
 
 @compiled

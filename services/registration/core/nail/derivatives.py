@@ -1,6 +1,6 @@
 """Derivatives of the forward model: of the visible fraction by the fit's parameters, and by the holes' own turns."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,14 +104,6 @@ def _sections(model: ForwardModel, traced: TracedTransmission) -> NDArray[np.flo
         return traced.along_mm
     shape = nail_shape(model, traced.parameters)
     return section_places(model.nail, curvature_of(traced.parameters), model.region.rays, shape)
-
-
-def derivatives_by_transmission(
-    model: ForwardModel, traced: TracedTransmission, changes: Sequence[NDArray[np.float32]]
-) -> list[NDArray[np.float64]]:
-    """Derivatives of `visible_fraction`, shape (N,) each, by changes of the metal's transmission on the rectangle."""
-    through = _ThroughChain.at(model, traced)
-    return [through.by_metal(change) for change in changes]
 
 
 def turns_of_holes(count: int) -> NDArray[np.float64]:

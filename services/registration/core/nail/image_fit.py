@@ -18,7 +18,7 @@ from services.registration.core.nail.covariance import (
 )
 from services.registration.core.nail.evidence import agreement_of_parts, hole_views, residual_statistics, rim_shares
 from services.registration.core.nail.forward_model import ForwardModel, model_at
-from services.registration.core.nail.hole_content import covariance_by_content
+from services.registration.core.nail.hole_content import loosened, with_evident_looseness
 from services.registration.core.nail.least_squares import (
     Problem,
     Solution,
@@ -62,7 +62,6 @@ class NailFit:
     evidence: FitEvidence
     curvature_per_m: tuple[float, float]  # of the centre line towards the nail's y and z; zero where none was found
     hole_spread_mm: float  # standard deviation of the holes' places about their file's (`spread_of_holes_mm`)
-    content_turn_deg: float = 0.0  # standard error of its rotation by what its holes hold, or bores
     display_turn_deg: float = 0.0  # standard error of its rotation by a display's curve that changes with the place
     other_bend_deg: float = 0.0  # how far the holes' axes are of a nail bent otherwise that explains the image as well
 
@@ -212,7 +211,6 @@ def _with_evidence(end: FitEnd, errors: PoseErrors, *, objects_left_out: bool) -
     problem, solution, noise = end.problem, end.solution, end.noise
     model, parameters = problem.model, solution.parameters
     parts = agreement_of_parts(problem, solution, noise)
-    by_content = covariance_by_content(problem, solution, noise)
     evidence = FitEvidence(
         holes=hole_views(problem, solution),
         residual=residual_statistics(problem, solution, noise),
@@ -228,11 +226,10 @@ def _with_evidence(end: FitEnd, errors: PoseErrors, *, objects_left_out: bool) -
     )
     fit = NailFit(
         model.pose(parameters),
-        parts.widened(with_chamfers_as_seen(errors), model.nail).with_more(by_content),
+        parts.widened(with_chamfers_as_seen(errors), model.nail),
         evidence,
         curvature_of(parameters),
         max(spread_of_holes_mm(problem, solution, noise), parts.spread_of_holes_mm(model.nail)),
-        content_turn_deg=float(np.degrees(np.sqrt(np.trace(by_content[:3, :3])))),
     )
     return ImageFit(fit, end)
 
@@ -243,13 +240,14 @@ def _refined(model: ForwardModel, optimum: GlobalOptimum) -> FitEnd:
     bent = bool(np.any(np.abs(start[DISPLAY_BENDS]) > FINAL_STAGE.usual_display_bend))
     if not bent:
         start[DISPLAY_BENDS] = 0.0
-    problem = problem_for(model, FINAL_STAGE, STRAIGHT_NAIL if bent else STRAIGHT_DISPLAY)
+    problem = loosened(problem_for(model, FINAL_STAGE, STRAIGHT_NAIL if bent else STRAIGHT_DISPLAY))
     problem, here = whitened(*with_hidden_filled(problem, linear_solution_at(problem, start)))
     solution = minimise_from(problem, here, FINAL_STAGE.first_steps, FINAL_STAGE.tolerance)
     problem = reweighted(problem, solution.linear, estimate_noise(problem, solution.linear))
+    problem, here = with_evident_looseness(problem, solution.linear)
     # The last steps begin with derivatives from here: those of the first may have led along the valley in which radii,
     # curve and tilt nearly compensate one another, and ended in it.
-    solution = minimise_from(problem, solution.linear, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)
+    solution = minimise_from(problem, here, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)
     return FitEnd.of(*_with_display_bent_where_evident(problem, solution), optimum.margin)
 
 

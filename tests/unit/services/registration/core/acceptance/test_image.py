@@ -123,16 +123,6 @@ def test_uncertainty_by_a_curve_that_changes_with_the_place_does_not_ask_for_dos
     assert "dose" not in by_curve.message
 
 
-def test_uncertainty_by_what_the_holes_hold_asks_to_look_along_them() -> None:
-    uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
-    (little,), (filled,) = (
-        localisation_reasons(replace(uncertain, departures=Departures(content_turn_deg=t))) for t in (0.1, 0.35)
-    )
-    assert "more dose" in little.message
-    assert "may turn it by 0.35° (rms)" in filled.message
-    assert "turn the C-arm until it looks along the holes" in filled.message
-
-
 def test_uncertainty_by_holes_beside_their_places_asks_for_the_nails_file() -> None:
     uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
     (as_filed,), (beside,) = (

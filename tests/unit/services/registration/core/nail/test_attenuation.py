@@ -16,7 +16,6 @@ from services.registration.core.nail.attenuation import (
     DERIVATIVES,
     MOTION_SIZE,
     TraceLimits,
-    path_behind,
     trace_pixels,
     transmission_behind,
 )
@@ -270,10 +269,3 @@ def test_derivatives_are_those_of_the_law(hardening: float, path_mm: float) -> N
 def test_nothing_is_lost_without_metal_and_nothing_passes_much() -> None:
     assert transmission_behind(0.0, (1.6, 0.65, HARDEST)) == (1.0, 0.0, 0.0)
     assert transmission_behind(200.0, (1.6, 0.65, HARDEST))[0] < 1e-30
-
-
-@pytest.mark.parametrize("material", [(0.25, 0.0, 1.0), (0.3, 0.6, 0.4), (0.9, 1e-4, 0.4)])
-def test_the_path_behind_a_transmission_is_the_one_that_transmits_so_much(material: tuple[float, float, float]) -> None:
-    path_mm = np.array([0.0, 0.35, 2.0, 11.7])
-    transmitted = np.array([transmission_behind(one, material)[0] for one in path_mm])
-    np.testing.assert_allclose(path_behind(transmitted, material), path_mm, rtol=0.003, atol=0.001)

@@ -1,6 +1,7 @@
 """The background field: what it can follow, what its prior resists, and its normal equations."""
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from services.registration.core.nail.background import (
@@ -48,6 +49,36 @@ def test_planes_have_no_roughness_and_bumps_have() -> None:
     bump[field.size // 2] = 1.0
     assert abs(plane @ field.roughness @ plane) < 1e-9
     assert bump @ field.roughness @ bump > 5.0
+
+
+def test_where_the_field_is_less_stiff_bumps_cost_less_and_planes_still_nothing() -> None:
+    def soft_ahead(along_mm: NDArray[np.float64], across_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.where(along_mm + 0.0 * across_mm > 0.0, 0.01, 1.0)
+
+    rng = np.random.default_rng(2)
+    places = rng.uniform(-20.0, 20.0, 400), rng.uniform(-8.0, 8.0, 400)
+    even, soft = spline_field(*places, 3.0), spline_field(*places, 3.0, soft_ahead)
+    along, across = np.meshgrid(*(np.arange(count) for count in soft.grid), indexing="ij")
+    plane = (1.0 + 0.3 * along - 0.7 * across).ravel()
+    assert abs(plane @ soft.roughness @ plane) < 1e-9
+    behind, ahead = np.zeros((2, soft.size))
+    behind[3 * soft.grid[1] + 4], ahead[-3 * soft.grid[1] - 4] = 1.0, 1.0
+    assert behind @ soft.roughness @ behind == pytest.approx(behind @ even.roughness @ behind)
+    assert ahead @ soft.roughness @ ahead == pytest.approx(0.01 * (ahead @ even.roughness @ ahead))
+    dense = whole(BorderedMatrix(soft.roughness_band, np.zeros((0, soft.size)), np.zeros((0, 0))))
+    np.testing.assert_allclose(dense, np.tril(soft.roughness))
+
+
+def test_determinants_are_those_of_the_dense_matrices() -> None:
+    field, other = field_at(50, 2), field_at(50, 2)
+    ridge = 1e-9 * np.eye(field.size)
+    expected = np.linalg.slogdet(7.0 * (field.roughness + ridge))[1]
+    assert other.log_prior_determinant(7.0) == pytest.approx(expected, rel=1e-6)
+    band = lower_band(field.roughness + np.eye(field.size), field.roughness_band.shape[1])
+    matrix = BorderedMatrix(band, np.full((1, field.size), 0.1), np.array([[9.0]]))
+    full = whole(matrix)
+    expected = np.linalg.slogdet(full + np.tril(full, -1).T)[1]
+    assert cholesky_factor(matrix).log_determinant == pytest.approx(expected)
 
 
 def test_normal_equations_are_those_of_the_dense_matrix() -> None:
