@@ -33,6 +33,10 @@ _CONTENT: Final = fitted(
     "holes that hold bone, dust or bores, seeds 60500-60544, and plain independent images, as they are and with bores "
     "(decision 0063)"
 )
+_METAL: Final = fitted(
+    "plain independent images: 0.25 at most; with the other metal in the file, where that does not refuse them: 0.6 to "
+    "1.4 (decision 0063)"
+)
 _TAILS: Final = fitted("by inspection: seeds 60000-60023, plain and through three filters (decision 0018)")
 _PROCESSED: Final = fitted("by inspection: seeds 30024-30063 through local contrast and filters (decision 0018)")
 _CURVED: Final = fitted("`distalock bench processing --seeds fit`: local contrast, monitor chain (decision 0045)")
@@ -305,6 +309,10 @@ class AgreementOfParts:
     softness_of_one_deviation: float = tuned(1.0, "sd", "softness beyond it that doubles the variance", _PROCESSED)
     usual_sharpening: float = tuned(2.0, "sd", "edge enhancement that plain images have too", _PROCESSED)
     sharpening_of_one_deviation: float = tuned(1.0, "sd", "sharpening beyond it that doubles the variance", _PROCESSED)
+    usual_metal: float = tuned(
+        0.5, "1", "logarithm of the metal's attenuation over its material's that plain images have too", _METAL
+    )
+    metal_of_one_deviation: float = tuned(0.1, "1", "the same beyond it that doubles the variance", _METAL)
     usual_tails: float = tuned(1.05, "1", "variance of residuals over that by their median in plain images", _TAILS)
     largest_deviation: float = tuned(4.0, "sd", "residual that is counted as no larger for this", _TAILS)
     processed_from: float = tuned(2.5, "1", "growth of the variance from where an image counts as processed", _FILTERED)

@@ -168,6 +168,13 @@ DIAMETER_EXCESS: Final = Criterion(
     at_most(0.24, "mm", decimals=2), "check that the file is that of the implanted nail",
     f"fitted by inspection ({_FITTING}): refuses a nail 1 mm wider or 0.5 mm narrower, holes 0.3 mm larger or 0.5 mm "
     "smaller, and spacings off by 1 mm")
+ATTENUATION: Final = Criterion(
+    ReasonCode.NAIL_MODEL_MISMATCH,
+    "attenuation of the nail's metal over that of the material in its file, or the other way round, whichever is "
+    "larger, less two standard deviations",
+    at_most(2.0, "times", decimals=1), "check the material in the nail's file",
+    "physical: steel attenuates three times as much as titanium; 1.1 at most on plain independent images, 1.6 behind "
+    "local contrast")
 STRUCTURE: Final = Criterion(
     ReasonCode.NAIL_MODEL_MISMATCH, "rms of the smoothed residual at the edges of nail and holes, over that elsewhere",
     at_most(2.0, "times", decimals=1),

@@ -13,6 +13,7 @@ from typing import Final
 from services.registration.core.acceptance.criteria import (
     AGREEMENT_BESIDE_OBJECTS,
     AGREEMENT_OF_FILTERED,
+    ATTENUATION,
     AXIS_BOUND,
     BENT_MARGIN,
     BEST_RIM,
@@ -94,6 +95,8 @@ class FitEvidence:
     # Of a bent nail, the same over the pose of the straight one, where that has another tilt; infinite elsewhere.
     straight_margin: float = math.inf
     openings: Openings = CLEAR_VIEW
+    # Logarithm of the metal's attenuation over that of the part's material, nearer to 0 by two standard errors
+    log_attenuation: float = 0.0
     objects_left_out: bool = False  # pixels over the nail that are darker than an earlier fit
     # Variance of the residual over the one by its median: a filter against noise leaves a few places as they were
     residual_tails: float = 1.0
@@ -225,6 +228,12 @@ def _mismatch(evidence: FitEvidence) -> Iterator[Reason]:
         if not DIAMETER_EXCESS.is_met(abs(2.0 * excess_mm)):
             quoted = DIAMETER_EXCESS.quoted(2.0 * excess_mm, sign="+")
             yield DIAMETER_EXCESS.reason(f"against the nail file the {what} {quoted} in diameter")
+    times = math.exp(abs(evidence.log_attenuation))
+    if not ATTENUATION.is_met(times):
+        much = "more" if evidence.log_attenuation > 0.0 else "less"
+        yield ATTENUATION.reason(
+            f"the nail attenuates {ATTENUATION.quoted(times)} {much} than the material in its file"
+        )
     residual = evidence.residual
     if not STRUCTURE.is_met(residual.structure):
         yield STRUCTURE.reason(

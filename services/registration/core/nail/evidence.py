@@ -61,6 +61,14 @@ def rim_shares(region: FitRegion, nail: NailPart) -> tuple[float, ...]:
     return tuple(shares)
 
 
+def log_attenuation(problem: Problem, solution: Solution) -> float:
+    """Logarithm of the metal's attenuation over that of the part's material, nearer to 0 by two standard errors."""
+    place = int(np.count_nonzero(problem.free[: Parameter.LOG_ATTENUATION]))
+    found = float(solution.parameters[Parameter.LOG_ATTENUATION])
+    deviation = float(np.sqrt(np.linalg.inv(solution.equations.matrix)[place, place]))
+    return float(np.copysign(max(abs(found) - 2.0 * deviation, 0.0), found))
+
+
 def residual_statistics(problem: Problem, solution: Solution, noise: NoiseModel) -> ResidualStatistics:
     """What the model leaves of the pixels."""
     region, residual = problem.model.region, solution.linear.residual
@@ -119,6 +127,7 @@ class Agreement:
     noise_inflation: float  # what noise is left correlated after whitening, in pixels: filters and blur leave much
     softness: float  # hardening of the beam below the usual one, in standard deviations of the prior
     sharpening: float  # edge enhancement beside the usual one, either way, in standard deviations of the prior
+    metal: float  # logarithm of the metal's attenuation over that of the part's material, either way
     tails: float  # variance of the residuals over the one by their median: filters against noise leave a few large ones
     between_holes: NDArray[np.float64]  # mean square of the holes' own turns across them, in rad², shape (2, 2)
 
@@ -140,6 +149,7 @@ class Agreement:
             (noise_inflation - s.usual_noise_inflation) / s.inflation_of_one_deviation,
             (self.softness - s.usual_softness) / s.softness_of_one_deviation,
             (self.sharpening - s.usual_sharpening) / s.sharpening_of_one_deviation,
+            (self.metal - s.usual_metal) / s.metal_of_one_deviation,
         )
         by_symptoms = self.pull_ratio * (1.0 + sum(max(excess, 0.0) ** 2 for excess in excesses))
         return max(by_symptoms, (self.tails / s.usual_tails) ** 2)
@@ -208,6 +218,7 @@ def agreement_of_parts(problem: Problem, solution: Solution, noise: NoiseModel) 
         noise_inflation=float(noise.inflation.mean()),
         softness=-float(deviations[Parameter.HARDENING]),
         sharpening=abs(float(deviations[Parameter.SHARPENING])),
+        metal=abs(float(parameters[Parameter.LOG_ATTENUATION])),
         tails=_tails(solution.linear.residual, noise),
         between_holes=turns_between_holes(problem, solution, noise),
     )

@@ -16,7 +16,13 @@ from services.registration.core.nail.covariance import (
     pose_errors,
     with_chamfers_as_seen,
 )
-from services.registration.core.nail.evidence import agreement_of_parts, hole_views, residual_statistics, rim_shares
+from services.registration.core.nail.evidence import (
+    agreement_of_parts,
+    hole_views,
+    log_attenuation,
+    residual_statistics,
+    rim_shares,
+)
 from services.registration.core.nail.forward_model import ForwardModel, model_at
 from services.registration.core.nail.hole_content import loosened, with_evident_looseness
 from services.registration.core.nail.least_squares import (
@@ -216,6 +222,7 @@ def _with_evidence(end: FitEnd, errors: PoseErrors, *, objects_left_out: bool) -
         residual=residual_statistics(problem, solution, noise),
         hole_radius_excess_mm=float(parameters[Parameter.HOLE_RADIUS_EXCESS_MM]),
         nail_radius_excess_mm=float(parameters[Parameter.NAIL_RADIUS_EXCESS_MM]),
+        log_attenuation=log_attenuation(problem, solution),
         mirror_margin=end.margin / parts.pull_ratio,
         bent_margin=end.bent_margin / parts.pull_ratio,
         straight_margin=end.straight_margin / parts.pull_ratio,

@@ -238,6 +238,16 @@ def test_within_all_limits_is_accepted() -> None:
             "the nail measures -0.30 mm (limit 0.24 mm) in diameter",
         ),
         (
+            replace(FIT, log_attenuation=1.13),
+            ReasonCode.NAIL_MODEL_MISMATCH,
+            "the nail attenuates 3.1 times (limit 2 times) more than the material in its file; check the material",
+        ),
+        (
+            replace(FIT, log_attenuation=-0.75),
+            ReasonCode.NAIL_MODEL_MISMATCH,
+            "the nail attenuates 2.1 times (limit 2 times) less than the material in its file",
+        ),
+        (
             replace(FIT, residual=replace(RESIDUAL, structure=2.1)),
             ReasonCode.NAIL_MODEL_MISMATCH,
             "edges of nail and holes is 2.1 times (limit 2 times) that elsewhere",
@@ -281,6 +291,7 @@ def test_each_limit_of_the_fit_has_its_reason(evidence: FitEvidence, code: Reaso
     [
         replace(FIT, holes=(HoleView("distal", 0.35, 3.0), HoleView("proximal", 0.12, 3.0))),
         replace(FIT, hole_radius_excess_mm=0.12, nail_radius_excess_mm=-0.12),
+        replace(FIT, log_attenuation=float(np.log(2.0))),
         replace(FIT, residual=ResidualStatistics(2.0, 10.0, 0.3, 0.1)),
         replace(FIT, mirror_margin=8.0),
         replace(FIT, bent_margin=0.0),
@@ -328,6 +339,7 @@ def test_one_hole_alone_must_be_clearer_than_two(margin: float, codes: list[Reas
         replace(FIT, holes=(HoleView("distal", 0.9, NAN), FIT.holes[1])),
         replace(FIT, hole_radius_excess_mm=NAN),
         replace(FIT, nail_radius_excess_mm=NAN),
+        replace(FIT, log_attenuation=NAN),
         replace(FIT, residual=replace(RESIDUAL, structure=NAN)),
         replace(FIT, residual=replace(RESIDUAL, noise_inflation=NAN)),
         replace(FIT, residual=replace(RESIDUAL, spot=NAN)),

@@ -60,7 +60,8 @@ def turned(found: ImageFit, *turn_deg: float) -> ImageFit:
 
 def with_evidence(found: ImageFit, ratio: float, darkness: float = 0.0) -> ImageFit:
     evidence = found.fit.evidence
-    evidence = replace(evidence, error_ratio=ratio, residual=replace(evidence.residual, darkness=darkness))
+    residual = replace(evidence.residual, darkness=darkness)
+    evidence = replace(evidence, error_ratio=ratio, residual=residual, mirror_margin=50.0)
     return replace(found, fit=replace(found.fit, evidence=evidence))
 
 

@@ -1,6 +1,7 @@
-"""A bent nail of another tilt than the straight one's carries by how much it explains the image better.
+"""Bent nails beside straight ones, and a nail of another metal than its file's.
 
-One that is bent otherwise, beside it, makes it uncertain, or leaves the nail straight.
+A bent nail of another tilt than the straight one's carries by how much it explains the image better; one that is bent
+otherwise, beside it, makes it uncertain, or leaves the nail straight.
 """
 
 from dataclasses import replace
@@ -20,7 +21,7 @@ from services.registration.core.nail.region import FitInput
 from services.registration.core.tuning import BENT_NAIL, NAIL_PRIORS
 from shared.errors import Rejected
 from tests.unit.services.registration.rendered_case import CAMERA_FROM_NAIL, SIZE_PX, rendered_parts, turned_nail
-from tests.unit.services.registration.xray_scene import Scene, calibration, render
+from tests.unit.services.registration.xray_scene import Scene, calibration, nail_part, render
 
 
 @pytest.mark.requirement("REG-05")
@@ -81,3 +82,23 @@ def test_a_nail_that_is_bent_otherwise_nearly_as_well_makes_the_axes_uncertain(
     else:
         sd_deg = [np.degrees(np.sqrt(one.fit.errors.covariance_with_bend[1, 1])) for one in (alone, found)]
         assert sd_deg[1] > 1.5 * sd_deg[0]
+
+
+@pytest.mark.requirement("REG-05")
+@pytest.mark.parametrize(
+    ("material", "filed", "words"),
+    [
+        ("Ti6Al4V", "steel", "less than the material in its file"),
+        ("Ti6Al4V", "Ti6Al4V", None),
+        ("steel", "steel", None),
+    ],
+)
+def test_a_nail_of_another_metal_than_its_files_is_named(material: str, filed: str, words: str | None) -> None:
+    view, nails = calibration(SIZE_PX), {name: nail_part(material=name) for name in (material, filed)}
+    pixels = render(Scene(SIZE_PX, nails[material], CAMERA_FROM_NAIL), view, 5)
+    given = FitInput(pixels, view, nails[filed], Occluders(None, rendered_parts().ring))
+    found = fit_image(given, turned_nail((3.0, -1.5)))
+    assert not isinstance(found, Rejected)
+    named = [reason.message for reason in fit_reasons(found.fit.evidence) if "attenuates" in reason.message]
+    assert len(named) == (0 if words is None else 1)
+    assert all(str(words) in message for message in named)
