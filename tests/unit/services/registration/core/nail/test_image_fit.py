@@ -5,6 +5,7 @@ otherwise, beside it, makes it uncertain, or leaves the nail straight.
 """
 
 from dataclasses import replace
+from typing import Literal
 from unittest.mock import Mock
 
 import numpy as np
@@ -22,6 +23,8 @@ from services.registration.core.tuning import BENT_NAIL, NAIL_PRIORS
 from shared.errors import Rejected
 from tests.unit.services.registration.rendered_case import CAMERA_FROM_NAIL, SIZE_PX, rendered_parts, turned_nail
 from tests.unit.services.registration.xray_scene import Scene, calibration, nail_part, render
+
+Metal = Literal["steel", "Ti6Al4V"]
 
 
 @pytest.mark.requirement("REG-05")
@@ -93,10 +96,10 @@ def test_a_nail_that_is_bent_otherwise_nearly_as_well_makes_the_axes_uncertain(
         ("steel", "steel", None),
     ],
 )
-def test_a_nail_of_another_metal_than_its_files_is_named(material: str, filed: str, words: str | None) -> None:
-    view, nails = calibration(SIZE_PX), {name: nail_part(material=name) for name in (material, filed)}
-    pixels = render(Scene(SIZE_PX, nails[material], CAMERA_FROM_NAIL), view, 5)
-    given = FitInput(pixels, view, nails[filed], Occluders(None, rendered_parts().ring))
+def test_a_nail_of_another_metal_than_its_files_is_named(material: Metal, filed: Metal, words: str | None) -> None:
+    view = calibration(SIZE_PX)
+    pixels = render(Scene(SIZE_PX, nail_part(material=material), CAMERA_FROM_NAIL), view, 5)
+    given = FitInput(pixels, view, nail_part(material=filed), Occluders(None, rendered_parts().ring))
     found = fit_image(given, turned_nail((3.0, -1.5)))
     assert not isinstance(found, Rejected)
     named = [reason.message for reason in fit_reasons(found.fit.evidence) if "attenuates" in reason.message]
