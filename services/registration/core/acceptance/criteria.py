@@ -174,7 +174,7 @@ ATTENUATION: Final = Criterion(
     "larger, less two standard deviations",
     at_most(2.0, "times", decimals=1), "check the material in the nail's file",
     "physical: steel attenuates three times as much as titanium; 1.1 at most on plain independent images, 1.6 behind "
-    "local contrast")
+    "local contrast, 2.3 of one monitor chain that is refused for its uncertainty as well")
 STRUCTURE: Final = Criterion(
     ReasonCode.NAIL_MODEL_MISMATCH, "rms of the smoothed residual at the edges of nail and holes, over that elsewhere",
     at_most(2.0, "times", decimals=1),

@@ -24,7 +24,7 @@ Stiffness = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.floa
 _IN_CELL = 16
 # Guard: keeps the matrix positive definite where no pixel determines a coefficient.
 _LEAST_RIDGE = 1e-9
-# Guard: keeps the prior's matrix positive definite, which says nothing of planes; over the roughness.
+# Guard: keeps the prior's matrix positive definite, which leaves planes free; over the roughness.
 _PLANES_RIDGE = 1e-9
 # The equations of fewer cells are summed sooner than handed to another core.
 _LEAST_CELLS_TO_SHARE = 100

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.least_squares import Problem, Solution, minimise, minimise_from
+from services.registration.core.nail.least_squares import LinearSolution, Problem, Solution, minimise, minimise_from
 from services.registration.core.nail.parameters import (
     CURVATURE,
     STRAIGHT_NAIL,
@@ -49,13 +49,13 @@ class BentOptimum:
     near: Solution | None
 
 
-def bent_optimum(problem: Problem, straight: Solution) -> BentOptimum | None:
-    """Fit with the curvature free from where the straight fit ended, and from its reflections.
+def bent_optimum(problem: Problem, begun: LinearSolution) -> BentOptimum | None:
+    """Fit with the curvature free from where the straight fit led to, and from its reflections.
 
     No optimum is found when none is a nail's: canals bend nails to radii of 300 mm and more.
     """
     steps, tolerance = BENT_NAIL.first_steps, FINAL_STAGE.tolerance
-    found = [minimise_from(problem, straight.linear, steps, tolerance)]
+    found = [minimise_from(problem, begun, steps, tolerance)]
     for start in reflections(problem, found[0].parameters):
         limit = cost_limit_beside(min(found, key=lambda one: one.cost))
         found.append(minimise(problem, start, steps, tolerance, limit))

@@ -192,7 +192,10 @@ def _bent(straight: FitEnd, freed: Problem, there: Solution, bent_margin: float)
     evident = is_bent(step, curvature_covariance(freed, there, straight.noise))
     if not evident and bent_margin > BENT_NAIL.doubtful_margin:
         return None
-    found = bent_optimum(freed, straight.solution)
+    # about the holes of a bent nail that is held straight the background is loose because of that
+    begun = minimise_from(freed, there.linear, BENT_NAIL.first_steps, FINAL_STAGE.tolerance)
+    freed, begun_there = with_evident_looseness(freed, begun.linear)
+    found = bent_optimum(freed, begun_there)
     if found is None:
         return None
     linear, margin = found.solution.linear, found.margin

@@ -15,7 +15,7 @@ from services.registration.core.acceptance.image import fit_reasons
 from services.registration.core.nail import image_fit
 from services.registration.core.nail.bent_nail import BentOptimum, bent_optimum
 from services.registration.core.nail.image_fit import fit_image
-from services.registration.core.nail.least_squares import Problem, Solution, linear_solution_at
+from services.registration.core.nail.least_squares import LinearSolution, Problem, linear_solution_at
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.parameters import CURVATURE, Parameter
 from services.registration.core.nail.region import FitInput
@@ -32,8 +32,8 @@ Metal = Literal["steel", "Ti6Al4V"]
 def test_a_bent_nail_carries_its_margin_over_a_straight_one_of_another_tilt(
     monkeypatch: pytest.MonkeyPatch, of_straight: float | None, *, carried: bool
 ) -> None:
-    def found(problem: Problem, straight: Solution) -> BentOptimum:
-        optimum = bent_optimum(problem, straight)
+    def found(problem: Problem, begun: LinearSolution) -> BentOptimum:
+        optimum = bent_optimum(problem, begun)
         assert optimum is not None
         return replace(optimum, margin=20.0, straight_margin=of_straight)
 
@@ -56,8 +56,8 @@ def test_a_bent_nail_carries_its_margin_over_a_straight_one_of_another_tilt(
 def test_a_nail_that_is_bent_otherwise_nearly_as_well_makes_the_axes_uncertain(
     monkeypatch: pytest.MonkeyPatch, curvature_per_m: float, *, held_straight: bool
 ) -> None:
-    def beside(problem: Problem, straight: Solution) -> BentOptimum:
-        optimum = bent_optimum(problem, straight)
+    def beside(problem: Problem, begun: LinearSolution) -> BentOptimum:
+        optimum = bent_optimum(problem, begun)
         assert optimum is not None
         parameters = optimum.solution.parameters.copy()
         parameters[CURVATURE], parameters[Parameter.PITCH_RAD] = curvature_per_m, parameters[Parameter.PITCH_RAD] + 0.01
