@@ -230,10 +230,9 @@ def _mismatch(evidence: FitEvidence) -> Iterator[Reason]:
             yield DIAMETER_EXCESS.reason(f"against the nail file the {what} {quoted} in diameter")
     times = math.exp(abs(evidence.log_attenuation))
     if not ATTENUATION.is_met(times):
-        much = "more" if evidence.log_attenuation > 0.0 else "less"
-        yield ATTENUATION.reason(
-            f"the nail attenuates {ATTENUATION.quoted(times)} {much} than the material in its file"
-        )
+        nail, filed = "the nail", "the material in its file"
+        more, less = (nail, filed) if evidence.log_attenuation > 0.0 else (filed, nail)
+        yield ATTENUATION.reason(f"{more} attenuates at least {ATTENUATION.quoted(times)} as much as {less}")
     residual = evidence.residual
     if not STRUCTURE.is_met(residual.structure):
         yield STRUCTURE.reason(

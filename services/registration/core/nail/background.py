@@ -24,6 +24,9 @@ Stiffness = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.floa
 _IN_CELL = 16
 # Guard: keeps the matrix positive definite where no pixel determines a coefficient.
 _LEAST_RIDGE = 1e-9
+# Orders of the differences along and across, and how often each counts in the sum of all second derivatives' squares.
+# Mixed ones determine the coefficients that no pixel depends on.
+_ROUGHNESS = ((2, 0, 1.0), (0, 2, 1.0), (1, 1, 2.0))
 # Guard: keeps the prior's matrix positive definite, which leaves planes free; over the roughness.
 _PLANES_RIDGE = 1e-9
 # The equations of fewer cells are summed sooner than handed to another core.
@@ -133,13 +136,16 @@ class SplineField(NamedTuple):
         return out
 
 
-def alike(along_mm: NDArray[np.float64], across_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+def equally_stiff(along_mm: NDArray[np.float64], across_mm: NDArray[np.float64]) -> NDArray[np.float64]:
     """The stiffness of a field that is as smooth in one place as in another."""
     return np.ones(np.broadcast_shapes(along_mm.shape, across_mm.shape))
 
 
 def spline_field(
-    along_mm: NDArray[np.float64], across_mm: NDArray[np.float64], spacing_mm: float, stiffness: Stiffness = alike
+    along_mm: NDArray[np.float64],
+    across_mm: NDArray[np.float64],
+    spacing_mm: float,
+    stiffness: Stiffness = equally_stiff,
 ) -> SplineField:
     """Basis for places in the nail's plane, shape (N,) each, with knots `spacing_mm` apart."""
     first, count_along, weights_along = _axis_weights(along_mm, spacing_mm)
@@ -176,8 +182,7 @@ def _roughness(
     """Squared differences of coefficients at such places, each as stiff as the field is there, shape (M, M)."""
     size = len(along_mm) * len(across_mm)
     total = sparse.csr_array((size, size))
-    # mixed differences determine the coefficients that no pixel depends on
-    for order_along, order_across, count in ((2, 0, 1.0), (0, 2, 1.0), (1, 1, 2.0)):
+    for order_along, order_across, count in _ROUGHNESS:
         along, at_along_mm = _differences(along_mm, order_along)
         across, at_across_mm = _differences(across_mm, order_across)
         differences = sparse.kron(along, across, format="csr")

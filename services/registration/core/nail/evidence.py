@@ -26,6 +26,9 @@ from shared.geometry.parts import Hole, NailPart, across_holes, hole_surface_poi
 from shared.xray.pixel_scale import pixels as pixels_of
 from shared.xray.tuning import DEVIATION_PER_MEDIAN
 
+# A metal is another than the file's beyond so many standard errors of its attenuation (95 %).
+_CERTAIN_DEVIATIONS = 2.0
+
 
 def hole_views(problem: Problem, solution: Solution) -> tuple[HoleView, ...]:
     """Opening and contrast of each hole of the nail."""
@@ -66,7 +69,7 @@ def log_attenuation(problem: Problem, solution: Solution) -> float:
     place = int(np.count_nonzero(problem.free[: Parameter.LOG_ATTENUATION]))
     found = float(solution.parameters[Parameter.LOG_ATTENUATION])
     deviation = float(np.sqrt(np.linalg.inv(solution.equations.matrix)[place, place]))
-    return float(np.copysign(max(abs(found) - 2.0 * deviation, 0.0), found))
+    return float(np.copysign(max(abs(found) - _CERTAIN_DEVIATIONS * deviation, 0.0), found))
 
 
 def residual_statistics(problem: Problem, solution: Solution, noise: NoiseModel) -> ResidualStatistics:

@@ -240,12 +240,12 @@ def test_within_all_limits_is_accepted() -> None:
         (
             replace(FIT, log_attenuation=1.13),
             ReasonCode.NAIL_MODEL_MISMATCH,
-            "the nail attenuates 3.1 times (limit 2 times) more than the material in its file; check the material",
+            "the nail attenuates at least 3.1 times (limit 2 times) as much as the material in its file",
         ),
         (
             replace(FIT, log_attenuation=-0.75),
             ReasonCode.NAIL_MODEL_MISMATCH,
-            "the nail attenuates 2.1 times (limit 2 times) less than the material in its file",
+            "the material in its file attenuates at least 2.1 times (limit 2 times) as much as the nail",
         ),
         (
             replace(FIT, residual=replace(RESIDUAL, structure=2.1)),
