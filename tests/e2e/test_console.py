@@ -345,8 +345,8 @@ def _the_stop_is_stronger_than_the_hand_that_holds(operator: ConsoleOperator, si
     _move(operator)
     operator.page.keyboard.press("Escape")
     operator.page.wait_for_selector(".stop-state.confirmed")
+    operator.page.wait_for_selector(".hold-end.stopped")  # the robot confirms a stop before its next state is published
     assert _state(site)["locked"] is True
-    operator.page.wait_for_selector(".hold-end.stopped")
     assert violations(operator.page) == []
     operator.page.mouse.up()
     # until the page has read the case anew, it offers the motion that was stopped
