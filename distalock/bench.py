@@ -99,6 +99,9 @@ BENCHMARKS: Final = {
     "built_parts": Benchmark(
         "robustness.built_parts", "robustness", "rings, guides and nails built otherwise than their files say"
     ),
+    "combined": Benchmark(
+        "robustness.combined", "robustness", "two of those at once: bent nails, things in the way, parts, processing"
+    ),
     "guidance": Benchmark(
         "accuracy.guidance",
         "guidance",

@@ -10,11 +10,11 @@ codes, holes = localised(scene)  # from scene.pixels, scene.nominal and scene.pa
 from collections.abc import Mapping
 from pathlib import Path
 
-from benchmarks.robustness import bent_nails, built_parts, foreign_objects, processing
+from benchmarks.robustness import bent_nails, built_parts, combined, foreign_objects, processing
 from benchmarks.robustness.kinds import CONTROL_KIND, Kind
 from benchmarks.robustness.scene import ImageFolder, RobustScene
 
-BENCHES = (processing.BENCH, foreign_objects.BENCH, bent_nails.BENCH, built_parts.BENCH)
+BENCHES = (processing.BENCH, foreign_objects.BENCH, bent_nails.BENCH, built_parts.BENCH, combined.BENCH)
 KINDS: Mapping[str, Kind] = {kind.name: kind for kind in (CONTROL_KIND, *(k for b in BENCHES for k in b.kinds))}
 
 

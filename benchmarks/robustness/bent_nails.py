@@ -21,7 +21,7 @@ from benchmarks.robustness.scene import BESIDE_FILE_MM, Drawn, RobustScene, gene
 from benchmarks.scenes.changed_parts import with_holes, with_nail_holes
 from benchmarks.scenes.random_scenes import scene_of_seed
 from shared.geometry.lines import Line
-from shared.geometry.parts import Hole
+from shared.geometry.parts import Hole, NailPart
 from simulation.render.image import ChangePacked
 from simulation.scenario.values import Scenario
 from simulation.world.poses import starting_state, world_at
@@ -36,13 +36,18 @@ def bent_scene(radii_mm: tuple[float, float], kind: str, seed: int) -> RobustSce
     """Constant curvature of such a radius (mm) in a random plane, from at most 60 mm before the proximal hole."""
     generator, scenario = generator_of(kind, seed), scene_of_seed(seed)
     nail, state = scenario.parts.nail, starting_state(scenario)
+    bend, drawn = drawn_bend(nail, radii_mm, generator)
+    shot = rendered(scenario, state, lambda packed, world: with_bent_nail(packed, nail, bend, world))
+    return scene_of_shot(kind, scenario, shot, drawn, bent_truths(nail, bend, world_at(scenario, state)))
+
+
+def drawn_bend(nail: NailPart, radii_mm: tuple[float, float], generator: np.random.Generator) -> tuple[Bend, Drawn]:
+    """A bend of such a radius in any direction, which begins at most 60 mm before the proximal hole."""
     first_mm = min(float(hole.axis.point_mm[0]) for hole in nail.holes)
     radius = float(np.exp(generator.uniform(*np.log(radii_mm))))
     direction, before = float(generator.uniform(0.0, 2.0 * np.pi)), float(generator.uniform(0.0, _STRAIGHT_BEFORE_MM))
     bend = Bend(radius, direction, first_mm - before)
-    shot = rendered(scenario, state, lambda packed, world: with_bent_nail(packed, nail, bend, world))
-    drawn: Drawn = {"radius_mm": radius, "direction_rad": direction, "start_mm": bend.start_mm}
-    return scene_of_shot(kind, scenario, shot, drawn, bent_truths(nail, bend, world_at(scenario, state)))
+    return bend, {"radius_mm": radius, "direction_rad": direction, "start_mm": bend.start_mm}
 
 
 def hole_spacing(kind: str, seed: int) -> RobustScene:

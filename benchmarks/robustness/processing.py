@@ -64,16 +64,21 @@ def vignetted(share: Grey, generator: np.random.Generator) -> Processed:
 
 
 def processed_scene(operator: Operator, kind: str, seed: int, images: ImageFolder) -> RobustScene:
-    """The control's image through an operator; the number of bits stays unless the operator ends in 8."""
-    scene = images.scene(CONTROL, seed, plain_scene)
+    """The control's image through an operator."""
+    control = images.scene(CONTROL, seed, plain_scene)
+    return replace(processed(operator, control, generator_of(kind, seed)), kind=kind)
+
+
+def processed(operator: Operator, scene: RobustScene, generator: np.random.Generator) -> RobustScene:
+    """A scene's image through an operator; the number of bits stays unless the operator ends in 8."""
     white = float(np.iinfo(scene.pixels.dtype).max)
-    result = operator(scene.pixels.astype(np.float32) / np.float32(white), generator_of(kind, seed))
+    result = operator(scene.pixels.astype(np.float32) / np.float32(white), generator)
     grey = np.dtype(np.uint8) if result.bits == 8 else scene.pixels.dtype
     pixels = np.rint(result.share.astype(np.float64) * np.iinfo(grey).max).astype(grey)
     factor = scene.pixels.shape[0] / pixels.shape[0]
     nominal = NominalGeometry(scene.nominal.source_to_detector_mm, scene.nominal.pixel_mm * factor)
     middle = (scene.middle_px[0] / factor, scene.middle_px[1] / factor)
-    return replace(scene, kind=kind, drawn=result.drawn, pixels=pixels, nominal=nominal, middle_px=middle)
+    return replace(scene, drawn=result.drawn, pixels=pixels, nominal=nominal, middle_px=middle)
 
 
 def noisy_scene(kind: str, seed: int) -> RobustScene:
@@ -122,13 +127,13 @@ OPERATORS: dict[str, Operator] = {
     "half_size": tone.half_size,
     "six_bits": tone.six_bits,
 }
-_HELD_OUT: tuple[Operator, ...] = (
-    held_out_kinds.range_compression,
-    held_out_kinds.local_normalisation,
-    held_out_kinds.anisotropic_diffusion,
-    held_out_kinds.wavelet_shrinkage,
-    held_out_kinds.window_and_jpeg,
-)
+HELD_OUT: dict[str, Operator] = {
+    "range_compression": held_out_kinds.range_compression,
+    "local_normalisation": held_out_kinds.local_normalisation,
+    "anisotropic_diffusion": held_out_kinds.anisotropic_diffusion,
+    "wavelet_shrinkage": held_out_kinds.wavelet_shrinkage,
+    "window_and_jpeg": held_out_kinds.window_and_jpeg,
+}
 
 
 def _kind(name: str, operator: Operator) -> Kind:
@@ -139,7 +144,7 @@ KINDS: tuple[Kind, ...] = (
     *(_kind(name, operator) for name, operator in OPERATORS.items()),
     rendered_kind(noisy_scene, "noise"),
     rendered_kind(lagging_scene, "lag"),
-    *(held_out(_kind(operator.__name__, operator)) for operator in _HELD_OUT),
+    *(held_out(_kind(name, operator)) for name, operator in HELD_OUT.items()),
 )
 BENCH = RobustnessBench("processing", "images through what displays and C-arms do to them", KINDS)
 
