@@ -90,7 +90,8 @@ def _processed(name: str, scene: RobustScene, named: Drawn) -> RobustScene:
     operators = processing.OPERATORS | (processing.HELD_OUT if _judges(scene.seed) else {})
     chosen = str(generator_of(f"{name} operator", scene.seed).choice(list(operators)))
     made = processing.processed(operators[chosen], scene, generator_of(f"{name} {chosen}", scene.seed))
-    return replace(made, kind=name, drawn=named | {"operator": chosen} | scene.drawn | made.drawn)
+    parameters: Drawn = {f"operator_{parameter}": value for parameter, value in made.drawn.items()}
+    return replace(made, kind=name, drawn=named | scene.drawn | {"operator": chosen} | parameters)
 
 
 def _judges(seed: int) -> bool:

@@ -16,10 +16,10 @@ from benchmarks.robustness.scene import ImageFolder, RobustScene
 _HEAD = """# Robust on images that real C-arms make
 
 `distalock bench processing`, `foreign_objects`, `bent_nails`, `built_parts` and `combined`: seeded scenes with random
-parts, through what displays, C-arms and operating rooms do, one thing or two at once. Parameters of each kind are drawn from the seed. Seeds
-60000-64999 fit parameters of the localisation (`--seeds fit`); seeds 65000-69999 judge and fit nothing
-(`--seeds judged`), with some kinds that are held out: they run on these seeds alone. Every hole is compared with its
-own true axis. The columns:
+parts, through what displays, C-arms and operating rooms do, one thing or two at once. Parameters of each kind are drawn
+from the seed. Seeds 60000-64999 fit parameters of the localisation (`--seeds fit`); seeds 65000-69999 judge and fit
+nothing (`--seeds judged`), with some kinds that are held out: they run on these seeds alone. Every hole is compared
+with its own true axis. The columns:
 
 - *wrong*: accepted with an axis more than 1.5° or 1 mm (at the entry) off.
 - *usable*: scenes whose control, the same seed without the kind, is accepted, where a foreign object covers at most
