@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.estimation.image_points import Correspondences, pose_covariance, residuals_px
 from services.registration.core.estimation.pose_estimate import PoseEstimate
+from services.registration.core.guide.as_built import focal_length_of
 from services.registration.core.guide.identity import GuideIdentity
 from services.registration.core.guide.locate import GuideFit, needed_balls
 from services.registration.core.guide.search import search_guide
@@ -166,4 +167,5 @@ def _guide_fit(
         balls_expected=count,
         reprojection_rms_px=float(np.sqrt(np.mean(np.sum(off**2, axis=1)))),
         runner_up_margin=margin,
+        focal_length=focal_length_of(calibration.camera, pose, seen, np.zeros((len(seen), len(seen)))),
     )

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
+from scipy.special import expit, logit
 
 from services.registration.core.estimation.image_points import (
     Body,
@@ -44,15 +45,21 @@ class FocalLength:
         return self.excess / float(np.hypot(self.standard_deviation, of_camera))
 
     def conflict(self, of_camera: float) -> float:
-        """Relative standard deviation that the camera's focal length has beside its own because of the conflict.
+        """Relative standard deviation that the camera's focal length has beside its own.
 
-        It begins at none where both agree, so that no image's uncertainty jumps.
+        The ring's plates are as filed, or, with a small prior probability, apart by another distance: the second moment
+        of the relative error under the posterior of this mixture, given what the balls of the guide show.
         """
-        agreeing = GUIDE_AS_BUILT.agreeing_sigmas * float(np.hypot(self.standard_deviation, of_camera))
-        return float(np.sqrt(max(self.excess**2 - agreeing**2, 0.0))) if np.isfinite(agreeing) else 0.0
+        agreeing = self.standard_deviation**2 + of_camera**2
+        # of the excess, by which the plates are expected to be wrong if they are
+        share = GUIDE_AS_BUILT.other_ring_sd**2 / (GUIDE_AS_BUILT.other_ring_sd**2 + agreeing)
+        evidence = 0.5 * (np.log1p(-share) + share * self.excess**2 / agreeing)
+        other = float(expit(logit(GUIDE_AS_BUILT.other_ring) + evidence))
+        spread = (share * self.excess) ** 2 + (1.0 - share) * GUIDE_AS_BUILT.other_ring_sd**2
+        return float(np.sqrt(other * spread))
 
 
-NO_FOCAL_LENGTH: Final = FocalLength(0.0, np.inf, 0.0)
+_NO_FOCAL_LENGTH: Final = FocalLength(0.0, np.inf, 0.0)
 
 
 def px_per_mm(
@@ -124,7 +131,7 @@ def focal_length_of(
     longer, target = unexplained.T
     information, before = float(longer @ longer), float(target @ target)
     if information <= _LEAST_INFORMATION:
-        return NO_FOCAL_LENGTH
+        return _NO_FOCAL_LENGTH
     excess = float(longer @ target) / information
     return FocalLength(excess, 1.0 / np.sqrt(information), excess**2 * information / max(before, 1e-12))
 

@@ -17,7 +17,6 @@ from services.registration.core.estimation.image_points import Correspondences, 
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.estimation.shared_image_errors import fit_with_shared_errors
 from services.registration.core.guide.as_built import (
-    NO_FOCAL_LENGTH,
     FocalLength,
     displacement_sd_mm,
     focal_length_of,
@@ -62,10 +61,10 @@ class GuideFit:
     balls_expected: int
     reprojection_rms_px: float
     runner_up_margin: int  # balls that the identity explains, minus those of the best different one
+    focal_length: FocalLength  # as the balls give it, beside the calibration's
     # Spread of the balls' places about their file's that neither measurement nor the stated tolerance explains, per
     # axis; it is in the standard deviations above
     displacement_sd_mm: float = 0.0
-    focal_length: FocalLength = NO_FOCAL_LENGTH  # as the balls give it, beside the calibration's
     lag_px: float = 0.0  # how far the balls' shadows reach to one side: earlier frames are in the image
 
     @property

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from services.registration.core.drill_clearance import across_basis
 from services.registration.core.estimation.image_points import Correspondences, refine_pose
 from services.registration.core.estimation.pose_estimate import PoseErrors, PoseEstimate, model_covariance
+from services.registration.core.guide.as_built import FocalLength
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.guide_from_nail import NailEstimate
 from services.registration.core.hole_axes import holes_of_guide
@@ -30,6 +31,7 @@ KNOWN_SOURCE = replace(VIEW, source_covariance_mm2=np.zeros((3, 3)))
 PARTS = Parts(rendered_parts().ring, guide_part(), nail_part(), USUAL_DRILL_DIAMETER_MM)
 GUIDE_POSE = posed_guide(20.0, (4.0, -3.0, 630.0))
 NAIL_POSE = posed_nail(25.0, (2.0, -3.0), (1.0, 2.0, 740.0))
+AS_FILED = FocalLength(0.0, 1e-6, 0.0)  # the guide shows that the ring's plates are apart as in its file
 
 
 def guide_fit(pose: Transform[Camera, Guide], covariance: NDArray[np.float64]) -> GuideFit:
@@ -37,7 +39,7 @@ def guide_fit(pose: Transform[Camera, Guide], covariance: NDArray[np.float64]) -
     px = VIEW.camera.project(pose.points(part.balls.position_mm))
     count = len(part.balls)
     estimate = PoseEstimate.of(pose, covariance)
-    return GuideFit(estimate, np.ones(count, bool), px, np.full(count, 0.05), count, 0.05, 10)
+    return GuideFit(estimate, np.ones(count, bool), px, np.full(count, 0.05), count, 0.05, 10, AS_FILED)
 
 
 def fit_errors(covariance: NDArray[np.float64]) -> PoseErrors:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from services.registration.core.estimation.image_points import Correspondences, refine_pose
 from services.registration.core.estimation.shared_image_errors import fit_with_shared_errors
 from services.registration.core.guide.as_built import FocalLength, displacement_sd_mm, focal_length_of, px_per_mm
+from services.registration.core.tuning import GUIDE_AS_BUILT
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.transform import Transform
@@ -71,10 +72,23 @@ def test_the_focal_length_of_the_balls_errs_as_predicted() -> None:
     assert 0.85 < np.std(sigmas) < 1.15
 
 
-def test_a_conflict_grows_from_none_where_both_agree_to_the_difference() -> None:
-    assert FocalLength(0.1, 0.004, 0.5).conflict(0.003) == pytest.approx(0.1, rel=0.01)
-    assert FocalLength(0.01, 0.004, 0.5).conflict(0.003) == 0.0
-    assert 0.0 < FocalLength(0.0126, 0.004, 0.5).conflict(0.003) < 0.002
+def test_a_conflict_grows_from_little_where_both_agree_to_the_difference() -> None:
+    assert FocalLength(0.1, 0.004, 0.5).conflict(0.003) == pytest.approx(0.1, rel=0.06)
+    grown = [FocalLength(excess, 0.004, 0.5).conflict(0.003) for excess in (0.0, 0.005, 0.01, 0.015, 0.02)]
+    assert grown == sorted(grown)
+    assert grown[0] < 0.3 * 0.005
+    assert FocalLength(-0.01, 0.004, 0.5).conflict(0.003) == grown[2]
+
+
+def test_a_conflict_is_the_second_moment_of_the_focal_lengths_error() -> None:
+    rng, (own_sd, draws) = np.random.default_rng(7), (0.007, 1_000_000)
+    other = rng.random(draws) < GUIDE_AS_BUILT.other_ring
+    error = np.where(other, rng.normal(0.0, GUIDE_AS_BUILT.other_ring_sd, draws), 0.0)
+    observed = error + rng.normal(0.0, own_sd, draws)
+    for excess in (0.0, 0.01, 0.02):
+        alike = np.abs(observed - excess) < 0.0005
+        expected = np.sqrt(np.mean(error[alike] ** 2))
+        assert FocalLength(excess, own_sd, 0.5).conflict(0.0) == pytest.approx(expected, rel=0.05)
 
 
 def test_balls_in_one_plane_across_the_beam_give_no_focal_length() -> None:
@@ -82,4 +96,6 @@ def test_balls_in_one_plane_across_the_beam_give_no_focal_length() -> None:
         BODY_MM * [1.0, 1.0, 0.0], CAMERA.project(POSE.points(BODY_MM * [1.0, 1.0, 0.0])), np.ones(28)
     )
     found = focal_length_of(CAMERA, POSE, flat, NOTHING_SHARED)
-    assert (found.excess, found.conflict(0.01)) == (0.0, 0.0)
+    assert (found.excess, found.standard_deviation) == (0.0, np.inf)
+    not_checked = np.sqrt(GUIDE_AS_BUILT.other_ring) * GUIDE_AS_BUILT.other_ring_sd
+    assert found.conflict(0.01) == pytest.approx(not_checked)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.fusion import ImageResult
+from services.registration.core.guide.as_built import FocalLength
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.localise import LocalisationResult, Parts
 from services.registration.core.wires.image import RegisteredImage
@@ -43,9 +44,9 @@ PARTS = Parts(rendered_parts().ring, replace(guide_part(), body=()), nail_part()
 
 def guide_at(camera_from_guide: Transform[Camera, Guide]) -> GuideFit:
     used = np.ones(8, dtype=np.bool_)
-    return GuideFit(
-        PoseEstimate.of(camera_from_guide, GUIDE_COVARIANCE), used, np.zeros((8, 2)), np.full(8, 0.05), 8, 0.05, 8
-    )
+    focal_length = FocalLength(0.0, 1e-6, 0.0)
+    pose = PoseEstimate.of(camera_from_guide, GUIDE_COVARIANCE)
+    return GuideFit(pose, used, np.zeros((8, 2)), np.full(8, 0.05), 8, 0.05, 8, focal_length)
 
 
 @lru_cache(maxsize=1)
