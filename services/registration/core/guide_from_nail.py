@@ -59,7 +59,7 @@ class NailEstimate:
             fit.evidence.mirror_margin,
             error_ratio=fit.evidence.error_ratio,
             curvature_per_m=fit.curvature_per_m,
-            hole_spread_mm=fit.hole_spread_mm,
+            hole_spread_mm=fit.evidence.hole_spread_mm,
             display_turn_deg=fit.display_turn_deg,
             beside_objects=fit.evidence.beside_objects,
             other_bend_deg=fit.other_bend_deg,

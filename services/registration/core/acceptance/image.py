@@ -17,6 +17,7 @@ from services.registration.core.acceptance.criteria import (
     AXIS_BOUND,
     BENT_MARGIN,
     BEST_RIM,
+    BY_DISPLACED_HOLES,
     CHANCE_TO_PASS,
     CLEAR_VIEW,
     CONTRAST_TO_NOISE,
@@ -100,6 +101,7 @@ class FitEvidence:
     objects_left_out: bool = False  # pixels over the nail that are darker than an earlier fit
     # Variance of the residual over the one by its median: a filter against noise leaves a few places as they were
     residual_tails: float = 1.0
+    hole_spread_mm: float = 0.0  # standard deviation of the holes' places about their file's, as the image shows it
 
     @property
     def filtered(self) -> bool:
@@ -134,7 +136,7 @@ class Departures:
     def cause_of_uncertainty(self) -> tuple[str, str]:
         """Clause that names the cause other than noise, and what to do about it; empty where noise is the cause."""
         causes = (
-            (_because_of_disagreement(self.error_ratio), _remedy(beside_objects=self.beside_objects)),
+            _disagreement(self),
             (_because_of_the_display(self.display_turn_deg), PROCESSING.remedy),
             (_because_of_another_bend(self.other_bend_deg), MIRROR_MARGIN.remedy),
             (_because_of_lag(self.lag_px), LAG_REMEDY),
@@ -166,14 +168,14 @@ def fit_reasons(evidence: FitEvidence) -> tuple[Reason, ...]:
     """Reasons against a fitted nail; none when it is accepted."""
     mismatch = tuple(_mismatch(evidence))
     # what the model does not explain counts as noise: then neither dose nor another direction would help
-    disagreement = _remedy(beside_objects=evidence.beside_objects) if evidence.error_ratio > MUCH_PROCESSED else ""
-    remedy = STRUCTURE.remedy if mismatch and not evidence.filtered else disagreement
+    because, of_disagreement = _disagreement(evidence)
+    remedy = STRUCTURE.remedy if mismatch and not evidence.filtered else of_disagreement
     return (
         *opening_reasons(evidence.holes, evidence.openings, remedy=remedy),
         *_covered(evidence),
         *mismatch,
         *_processed(evidence),
-        *_ambiguity(evidence, remedy if disagreement else ""),
+        *_ambiguity(evidence, because, remedy if because else ""),
     )
 
 
@@ -271,14 +273,14 @@ def _processed(evidence: FitEvidence) -> Iterator[Reason]:
         )
 
 
-def _ambiguity(evidence: FitEvidence, remedy: str) -> Iterator[Reason]:
+def _ambiguity(evidence: FitEvidence, because: str, remedy: str) -> Iterator[Reason]:
     one_hole = len(evidence.holes) == 1
     least = MIRROR_MARGIN_OF_ONE_HOLE if one_hole else MIRROR_MARGIN
     if not least.is_met(evidence.mirror_margin):
         other = "the nail has one hole, and another tilt" if one_hole else "the reflected tilt"
         yield least.reason(
             f"{other} explains the image nearly as well: logarithm of the likelihood ratio "
-            f"{least.quoted(evidence.mirror_margin)}{_because_of_disagreement(evidence.error_ratio)}",
+            f"{least.quoted(evidence.mirror_margin)}{because}",
             remedy,
         )
     if not BENT_MARGIN.is_met(evidence.bent_margin):
@@ -348,15 +350,15 @@ def _uncertain(hole: HoleEstimate, because: str, remedy: str) -> Iterator[Reason
     )
 
 
-def _remedy(*, beside_objects: bool) -> str:
-    """What to do where parts of an image disagree."""
-    return (AGREEMENT_BESIDE_OBJECTS if beside_objects else PROCESSING).remedy
-
-
-def _because_of_disagreement(error_ratio: float) -> str:
-    if error_ratio <= MUCH_PROCESSED:
-        return ""
-    return f"; parts of the image disagree by {error_ratio:.1f} times what the noise explains"
+def _disagreement(shown: FitEvidence | Departures) -> tuple[str, str]:
+    """Clause that says by how much parts of an image disagree, and what to do about it; empty where they agree."""
+    if shown.error_ratio <= MUCH_PROCESSED:
+        return "", ""
+    because = f"; parts of the image disagree by {shown.error_ratio:.1f} times what the noise explains"
+    beside_places = _because_of_the_nail(shown.hole_spread_mm)
+    if beside_places and not shown.beside_objects and shown.error_ratio <= BY_DISPLACED_HOLES:
+        return because + beside_places, DIAMETER_EXCESS.remedy
+    return because, (AGREEMENT_BESIDE_OBJECTS if shown.beside_objects else PROCESSING).remedy
 
 
 def _because_of_the_display(turn_deg: float) -> str:

@@ -67,7 +67,6 @@ class NailFit:
     errors: PoseErrors
     evidence: FitEvidence
     curvature_per_m: tuple[float, float]  # of the centre line towards the nail's y and z; zero where none was found
-    hole_spread_mm: float  # standard deviation of the holes' places about their file's (`spread_of_holes_mm`)
     display_turn_deg: float = 0.0  # standard error of its rotation by a display's curve that changes with the place
     other_bend_deg: float = 0.0  # how far the holes' axes are of a nail bent otherwise that explains the image as well
 
@@ -233,13 +232,13 @@ def _with_evidence(end: FitEnd, errors: PoseErrors, *, objects_left_out: bool) -
         rim_shares=rim_shares(model.region, model.nail),
         objects_left_out=objects_left_out,
         residual_tails=parts.tails,
+        hole_spread_mm=max(spread_of_holes_mm(problem, solution, noise), parts.spread_of_holes_mm(model.nail)),
     )
     fit = NailFit(
         model.pose(parameters),
         parts.widened(with_chamfers_as_seen(errors), model.nail),
         evidence,
         curvature_of(parameters),
-        max(spread_of_holes_mm(problem, solution, noise), parts.spread_of_holes_mm(model.nail)),
     )
     return ImageFit(fit, end)
 

@@ -131,8 +131,20 @@ def test_uncertainty_by_holes_beside_their_places_asks_for_the_nails_file() -> N
     assert "more dose" in as_filed.message
     assert "the nail's holes lie 0.06 mm (rms) from where its file has them" in beside.message
     assert "check that the file is that of the implanted nail" in beside.message
-    (processed,) = localisation_reasons(replace(uncertain, departures=Departures(hole_spread_mm=0.06, error_ratio=5.0)))
-    assert "the nail's holes" not in processed.message
+
+
+@pytest.mark.parametrize("error_ratio", [3.3, 4.1])
+def test_parts_that_disagree_a_little_over_displaced_holes_ask_for_the_nails_file(error_ratio: float) -> None:
+    by_holes = error_ratio < 4.0
+    uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
+    departures = Departures(hole_spread_mm=0.06, error_ratio=error_ratio)
+    (localised,) = localisation_reasons(replace(uncertain, departures=departures))
+    (fitted,) = fit_reasons(replace(FIT, mirror_margin=5.0, hole_spread_mm=0.06, error_ratio=error_ratio))
+    for reason in (localised, fitted):
+        assert f"parts of the image disagree by {error_ratio} times" in reason.message
+        assert ("the nail's holes lie 0.06 mm (rms)" in reason.message) == by_holes
+        assert ("check that the file is that of the implanted nail" in reason.message) == by_holes
+        assert ("switch off local contrast" in reason.message) != by_holes
 
 
 @pytest.mark.parametrize(

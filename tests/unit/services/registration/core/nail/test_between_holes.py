@@ -44,7 +44,7 @@ def fit_with_hole_aside(aside_mm: float) -> NailFit:
 @pytest.mark.parametrize(("aside_mm", "least_mm", "most_mm"), [(0.0, 0.0, 0.015), (0.12, 0.06, 0.11)])
 def test_the_spread_of_the_holes_is_that_of_their_places(aside_mm: float, least_mm: float, most_mm: float) -> None:
     # of one hole 0.12 mm aside among two the rms is 0.085 mm
-    assert least_mm <= fit_with_hole_aside(aside_mm).hole_spread_mm <= most_mm
+    assert least_mm <= fit_with_hole_aside(aside_mm).evidence.hole_spread_mm <= most_mm
 
 
 def test_holes_whose_direction_no_pixel_shows_have_no_turn_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
