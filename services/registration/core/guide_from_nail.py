@@ -36,6 +36,7 @@ class NailEstimate:
     curvature_per_m: tuple[float, float] = (0.0, 0.0)  # of a nail that is bent, towards its y and z
     hole_spread_mm: float = 0.0  # standard deviation of the holes' places about their file's, as the image shows it
     display_turn_deg: float = 0.0  # standard error of its rotation by a display's curve that changes with the place
+    second_bore_deg: float = 0.0  # see `FitEvidence.second_bore_deg`
     beside_objects: bool = False  # see `FitEvidence.beside_objects`
     other_bend_deg: float = 0.0  # how far the holes' axes are of a nail bent otherwise that explains the image as well
 
@@ -61,6 +62,7 @@ class NailEstimate:
             curvature_per_m=fit.curvature_per_m,
             hole_spread_mm=fit.evidence.hole_spread_mm,
             display_turn_deg=fit.display_turn_deg,
+            second_bore_deg=fit.evidence.second_bore_deg,
             beside_objects=fit.evidence.beside_objects,
             other_bend_deg=fit.other_bend_deg,
         )

@@ -714,6 +714,12 @@ class NailAsBuilt:
     usual_turn_sd_deg: float = tuned(
         10.0, "°", "of a hole beside its direction", derived("where no pixel shows a hole")
     )
+    second_bore_directions: int = tuned(
+        4, "1", "directions in which holes may be bored twice", derived("nearest within 22.5°, its cosine 0.92")
+    )
+    much_turned_deg: float = tuned(
+        0.3, "°", "turn by second bores from where a refusal names it", derived("0.6° of 1.5")
+    )
     much_displaced_mm: float = tuned(0.03, "mm", "spread from where a refusal names it", derived("0.1 mm of an entry"))
 
 

@@ -17,6 +17,7 @@ from services.registration.core.acceptance.criteria import (
     AXIS_BOUND,
     BENT_MARGIN,
     BEST_RIM,
+    BORED_TWICE_REMEDY,
     BY_DISPLACED_HOLES,
     CHANCE_TO_PASS,
     CLEAR_VIEW,
@@ -102,6 +103,7 @@ class FitEvidence:
     # Variance of the residual over the one by its median: a filter against noise leaves a few places as they were
     residual_tails: float = 1.0
     hole_spread_mm: float = 0.0  # standard deviation of the holes' places about their file's, as the image shows it
+    second_bore_deg: float = 0.0  # how far the holes as filed may be turned from the fit, where they look bored twice
 
     @property
     def filtered(self) -> bool:
@@ -125,6 +127,7 @@ class Departures:
 
     error_ratio: float = 1.0  # of the nail's rotation, over what the noise explains
     beside_objects: bool = False  # see `FitEvidence.beside_objects`
+    second_bore_deg: float = 0.0  # see `FitEvidence.second_bore_deg`
     display_turn_deg: float = 0.0  # standard error of its rotation by a display's curve that changes with the place
     other_bend_deg: float = 0.0  # how far the holes' axes are of a nail bent otherwise that explains the image as well
     lag_px: float = 0.0  # how far the guide's balls reach to one side: earlier frames are in the image
@@ -136,6 +139,7 @@ class Departures:
     def cause_of_uncertainty(self) -> tuple[str, str]:
         """Clause that names the cause other than noise, and what to do about it; empty where noise is the cause."""
         causes = (
+            (_because_of_second_bores(self.second_bore_deg), BORED_TWICE_REMEDY),
             _disagreement(self),
             (_because_of_the_display(self.display_turn_deg), PROCESSING.remedy),
             (_because_of_another_bend(self.other_bend_deg), MIRROR_MARGIN.remedy),
@@ -377,6 +381,12 @@ def _because_of_lag(lag_px: float) -> str:
     if lag_px <= 0.0:
         return ""
     return f"; the guide's balls have tails that draw them {lag_px:.2f} px to one side: earlier frames are in the image"
+
+
+def _because_of_second_bores(turn_deg: float) -> str:
+    if turn_deg <= NAIL_AS_BUILT.much_turned_deg:
+        return ""
+    return f"; the nail's holes look as if a drill had cut them askew, so that they may lie {turn_deg:.1f}° beside that"
 
 
 def _because_of_the_nail(hole_spread_mm: float) -> str:

@@ -1,17 +1,24 @@
-"""Holes that differ from their file: turned against one another, and beside the nail's axis.
+"""Holes that differ from their file: turned against one another, beside the nail's axis, and bored twice.
 
 A file states how the holes lie in the nail, and the fit takes that as exact. Holes drilled askew or beside their place,
 a display that changed the brightness of one rim, or a thing over it leave each hole with a turn and a shift of its own.
-Neither follows from the pose: one Gauss-Newton step estimates them, from the rims of each hole and the nail's edges.
+A drill that went through a hole in vain, askew, leaves two bores. None of this follows from the pose: one Gauss-Newton
+step estimates it, from the rims of each hole and the nail's edges.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.estimation.pose_estimate import POSE_SIZE
 from services.registration.core.nail.covariance import further_parameters, share_beyond
-from services.registration.core.nail.derivatives import derivatives_by_hole_turns, turns_of_holes
+from services.registration.core.nail.derivatives import (
+    derivatives_by_hole_turns,
+    derivatives_by_second_bores,
+    turns_of_holes,
+)
 from services.registration.core.nail.forward_model import trace_transmission, visible_fraction
 from services.registration.core.nail.least_squares import LinearSolution, Problem, Solution, with_changes
 from services.registration.core.nail.noise import NoiseModel
@@ -53,6 +60,64 @@ def spread_of_holes_mm(problem: Problem, solution: Solution, noise: NoiseModel) 
     found, covariance = further_parameters(problem, shifted, noise, holes, precision)
     share = share_beyond(found, covariance + MODEL_ERRORS.position_mm**2 * np.eye(holes))
     return float(np.sqrt(share * np.mean(found**2)))
+
+
+def turns_by_second_bores(problem: Problem, solution: Solution, noise: NoiseModel) -> NDArray[np.float64]:
+    """Mean square of the turn (rad²) from the fit to the holes as filed, where they look bored twice, shape (2, 2).
+
+    The filed bore is one of two, which lie either side of their mean, and the image does not say which. The mean is not
+    where the fit of single bores ended. Both count by the share of the fall of chi-square that is beyond noise, of
+    which a direction and an angle for each hole explain one each.
+    """
+    bores = _second_bores(problem, solution)
+    fall = bores.fall / float(noise.inflation.mean())
+    share = max(1.0 - 2.0 * len(bores.turns_rad) / max(fall, 1e-9), 0.0)
+    either_side = bores.turns_rad.T @ bores.turns_rad / len(bores.turns_rad)
+    return np.asarray(share * (either_side + np.outer(bores.mean_turn_rad, bores.mean_turn_rad)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _SecondBores:
+    """Two bores in each hole, as they explain the image best.
+
+    Attributes
+    ----------
+    turns_rad
+        Of one of them from their mean, about both directions of `across_holes`, shape (H, 2); zero for a hole with one.
+    mean_turn_rad
+        Of the mean of both from the fit of single bores, common to the holes, shape (2,).
+    fall
+        Of chi-square by them, of independent noise.
+    """
+
+    turns_rad: NDArray[np.float64]
+    mean_turn_rad: NDArray[np.float64]
+    fall: float
+
+
+def _second_bores(problem: Problem, solution: Solution) -> _SecondBores:
+    """The best of some directions in each hole, or none in it, by one Gauss-Newton step of all parameters."""
+    nail, count = problem.model.nail, NAIL_AS_BUILT.second_bore_directions
+    angle = np.pi / count * np.arange(count)
+    directions = np.column_stack([np.cos(angle), np.sin(angle)])
+    derivatives = derivatives_by_second_bores(solution.linear.model, solution.linear.traced, directions)
+    precision = np.radians(NAIL_AS_BUILT.usual_turn_sd_deg) ** -2
+    equations = with_changes(problem, solution, derivatives, precision).equations
+    matrix, gradient = equations.matrix, equations.gradient
+    free = np.arange(len(gradient) - len(derivatives))
+    without = float(gradient[free] @ np.linalg.solve(matrix[np.ix_(free, free)], gradient[free]))
+    motion = across_holes(nail) @ problem.model.motion_by_parameters(solution.parameters)[:3]
+    best = _SecondBores(np.zeros((len(nail.holes), 2)), np.zeros(2), 0.0)
+    for chosen in product(range(-1, count), repeat=len(nail.holes)):
+        holes = [hole for hole, direction in enumerate(chosen) if direction >= 0]
+        rows = np.append(free, [len(free) + count * hole + chosen[hole] for hole in holes]).astype(int)
+        step = np.linalg.solve(matrix[np.ix_(rows, rows)], gradient[rows])
+        fall = float(gradient[rows] @ step) - without
+        if fall > best.fall and np.all(step[len(free) :] > 0.0):
+            turns = np.zeros((len(nail.holes), 2))
+            turns[holes] = step[len(free) :, None] * directions[[chosen[hole] for hole in holes]]
+            best = _SecondBores(turns, motion @ step[:POSE_SIZE], fall)
+    return best
 
 
 def _derivatives_by_hole_shifts(here: LinearSolution) -> list[NDArray[np.float64]]:

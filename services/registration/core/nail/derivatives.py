@@ -117,16 +117,41 @@ def derivatives_by_hole_turns(model: ForwardModel, traced: TracedTransmission) -
     Turns about either direction of `across_holes` follow one another for each column of `turns_of_holes`. A turn
     about the middle of a hole leaves the nail's surface where it is, to first order.
     """
-    nail, along_mm, through = model.nail, _sections(model, traced), _ThroughChain.at(model, traced)
-    own = np.zeros((len(nail.holes), 2, len(along_mm)), dtype=np.float32)
+    own = _by_own_turns(model, traced)
+    turns = np.einsum("hk,hds->kds", turns_of_holes(len(own)).astype(np.float32), own)
+    return _seen(model, traced, turns.reshape(-1, own.shape[-1]))
+
+
+def derivatives_by_second_bores(
+    model: ForwardModel, traced: TracedTransmission, directions: NDArray[np.float64]
+) -> list[NDArray[np.float64]]:
+    """Derivatives of `visible_fraction` by two bores in each hole, turned from their mean by as much (rad) either way.
+
+    To first order metal is gone wherever one of them lies farther out than the mean. Turns about the directions, shape
+    (K, 2) in terms of `across_holes`, follow one another for each hole.
+    """
+    own = _by_own_turns(model, traced)
+    apart = np.abs(np.einsum("kd,hds->hks", directions.astype(np.float32), own))
+    return _seen(model, traced, apart.reshape(-1, own.shape[-1]))
+
+
+def _by_own_turns(model: ForwardModel, traced: TracedTransmission) -> NDArray[np.float32]:
+    """Derivatives of the transmission of the support's pixels by turns of each hole about its middle, (H, 2, S)."""
+    nail, along_mm, curvature = model.nail, _sections(model, traced), curvature_of(traced.parameters)
+    own, across = np.zeros((len(nail.holes), 2, len(along_mm)), dtype=np.float32), across_holes(nail)
     for hole, change in zip(nail.holes, own, strict=True):
-        x_mm, curvature = float(hole.axis.point_mm[0]), curvature_of(traced.parameters)
-        middle_mm, across = hole.axis.point_mm - np.array([x_mm, 0.0, 0.0]), across_holes(nail)
+        x_mm = float(hole.axis.point_mm[0])
+        middle_mm = hole.axis.point_mm - np.array([x_mm, 0.0, 0.0])
         motions = section_frame(curvature, x_mm).adjoint @ np.hstack([across, np.cross(middle_mm, across)]).T
         here = along_mm == x_mm
         change[:, here] = (traced.derivatives[here, :MOTION_SIZE] @ motions.astype(np.float32)).T
-    turns = np.einsum("hk,hds->kds", turns_of_holes(len(nail.holes)).astype(np.float32), own)
-    return [through.by_metal(model.region.on_rectangle(change, 0.0)) for change in turns.reshape(-1, len(along_mm))]
+    return own
+
+
+def _seen(model: ForwardModel, traced: TracedTransmission, changes: NDArray[np.float32]) -> list[NDArray[np.float64]]:
+    """Changes of the support's transmission, shape (K, S), in the compared pixels."""
+    through = _ThroughChain.at(model, traced)
+    return [through.by_metal(model.region.on_rectangle(change, 0.0)) for change in changes]
 
 
 def _transmission_derivatives(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.acceptance.image import HoleView, ResidualStatistics
 from services.registration.core.estimation.pose_estimate import PoseErrors, length_that_gives_depth_mm
-from services.registration.core.nail.between_holes import turns_between_holes
+from services.registration.core.nail.between_holes import turns_between_holes, turns_by_second_bores
 from services.registration.core.nail.covariance import after_background, motion_gain
 from services.registration.core.nail.forward_model import visible_fraction_without_metal
 from services.registration.core.nail.least_squares import Problem, Solution, linear_response
@@ -133,6 +133,7 @@ class Agreement:
     metal: float  # logarithm of the metal's attenuation over that of the part's material, either way
     tails: float  # variance of the residuals over the one by their median: filters against noise leave a few large ones
     between_holes: NDArray[np.float64]  # mean square of the holes' own turns across them, in rad², shape (2, 2)
+    second_bores: NDArray[np.float64]  # the same of the turn to the holes as filed, where they look bored twice
 
     @property
     def variance_ratio(self) -> float:
@@ -180,11 +181,17 @@ class Agreement:
         excess = np.sqrt(max(self.scale_excess**2 - AGREEMENT_OF_PARTS.usual_scale_excess**2, 0.0))
         return float(np.sqrt(0.5) * excess * length_that_gives_depth_mm(nail))
 
+    @property
+    def second_bore_deg(self) -> float:
+        """How far the holes as filed may be turned from the fit (rms), where they look bored twice."""
+        return float(np.degrees(np.sqrt(np.trace(self.second_bores))))
+
     def _turned(self, nail: NailPart) -> NDArray[np.float64]:
-        """Covariance by turns across the holes' axes through their middle, shape (6, 6): by processing, and of each."""
+        """Covariance by turns across the axes through the holes' middle, (6, 6): by processing, and by the holes."""
         s = AGREEMENT_OF_PARTS
         share = max(1.0 - s.processed_from / self.variance_ratio, 0.0)
-        return covariance_of_turns(nail, share * np.radians(s.processed_sd_deg) ** 2 * np.eye(2) + self.between_holes)
+        by_processing = share * np.radians(s.processed_sd_deg) ** 2 * np.eye(2)
+        return covariance_of_turns(nail, by_processing + self.between_holes + self.second_bores)
 
 
 def covariance_of_turns(nail: NailPart, square: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -224,6 +231,7 @@ def agreement_of_parts(problem: Problem, solution: Solution, noise: NoiseModel) 
         metal=abs(float(parameters[Parameter.LOG_ATTENUATION])),
         tails=_tails(solution.linear.residual, noise),
         between_holes=turns_between_holes(problem, solution, noise),
+        second_bores=turns_by_second_bores(problem, solution, noise),
     )
 
 

@@ -31,10 +31,19 @@ def with_first_hole_aside(nail: NailPart, aside_mm: float) -> NailPart:
     return replace(nail, holes=(replace(first, axis=axis), *others))
 
 
-def fit_with_hole_aside(aside_mm: float) -> NailFit:
-    """The fit of a nail with one hole beside its place, by the file that has it in its place."""
+def with_second_bores(nail: NailPart, turn_deg: float) -> NailPart:
+    """Each hole bored once more about its middle, turned about the nail's own axis."""
+    aside = np.array([0.0, np.sin(np.radians(turn_deg)), np.cos(np.radians(turn_deg))])
+    again = tuple(
+        replace(hole, id=f"{hole.id} again", axis=Line(hole.axis.point_mm, aside)) for hole in nail.holes if turn_deg
+    )
+    return replace(nail, holes=(*nail.holes, *again))
+
+
+def fit_of(nail: NailPart) -> NailFit:
+    """The fit of a nail as made, by the file."""
     view = calibration(SIZE_PX)
-    pixels = render(Scene(SIZE_PX, with_first_hole_aside(PARTS.nail, aside_mm), CAMERA_FROM_NAIL), view, 5)
+    pixels = render(Scene(SIZE_PX, nail, CAMERA_FROM_NAIL), view, 5)
     found = measure_nail(FitInput(pixels, view, PARTS.nail, Occluders(None, PARTS.ring)), turned_nail((3.0, -1.5)))
     assert isinstance(found, Accepted)
     return found.value
@@ -44,7 +53,15 @@ def fit_with_hole_aside(aside_mm: float) -> NailFit:
 @pytest.mark.parametrize(("aside_mm", "least_mm", "most_mm"), [(0.0, 0.0, 0.015), (0.12, 0.06, 0.11)])
 def test_the_spread_of_the_holes_is_that_of_their_places(aside_mm: float, least_mm: float, most_mm: float) -> None:
     # of one hole 0.12 mm aside among two the rms is 0.085 mm
-    assert least_mm <= fit_with_hole_aside(aside_mm).evidence.hole_spread_mm <= most_mm
+    assert least_mm <= fit_of(with_first_hole_aside(PARTS.nail, aside_mm)).evidence.hole_spread_mm <= most_mm
+
+
+@pytest.mark.requirement("REG-06")
+@pytest.mark.parametrize(("turn_deg", "least_deg", "most_deg"), [(0.0, 0.0, 0.15), (3.0, 0.7, 3.0)])
+def test_holes_that_were_bored_twice_may_be_turned_by_half_of_what_is_between_the_bores(
+    turn_deg: float, least_deg: float, most_deg: float
+) -> None:
+    assert least_deg <= fit_of(with_second_bores(PARTS.nail, turn_deg)).evidence.second_bore_deg <= most_deg
 
 
 def test_holes_whose_direction_no_pixel_shows_have_no_turn_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -38,7 +38,7 @@ def test_one_part_that_has_nearly_all_the_weight_proves_little() -> None:
     assert pull_ratio(pulls, variances) == pytest.approx((4.0 + 4.0) / 5.0, rel=1e-3)
 
 
-USUAL = Agreement(1.0, 0.1, 0.7, 0.7, 0.003, 4.0, 1.3, 2.0, 0.5, 1.05, np.zeros((2, 2)))
+USUAL = Agreement(1.0, 0.1, 0.7, 0.7, 0.003, 4.0, 1.3, 2.0, 0.5, 1.05, np.zeros((2, 2)), np.zeros((2, 2)))
 ERRORS = PoseErrors(np.zeros(3), np.eye(9), np.zeros((9, 3)), np.zeros((9, 1)))
 NAIL = nail_part()
 
