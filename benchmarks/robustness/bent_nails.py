@@ -20,7 +20,7 @@ from benchmarks.robustness.kinds import Kind, first_line, rendered_kind
 from benchmarks.robustness.scene import BESIDE_FILE_MM, Drawn, RobustScene, generator_of, rendered, scene_of_shot
 from benchmarks.scenes.changed_parts import with_holes, with_nail_holes
 from benchmarks.scenes.random_scenes import scene_of_seed
-from shared.geometry.lines import Line
+from shared.geometry.lines import Line, unit
 from shared.geometry.parts import Hole, NailPart
 from simulation.render.image import ChangePacked
 from simulation.scenario.values import Scenario
@@ -142,6 +142,27 @@ def leaning_holes(kind: str, seed: int) -> RobustScene:
     return replace(_straight_scene(kind, with_holes(scenario, holes), drawn), filed_holes=holes)
 
 
+def bored_again(kind: str, seed: int) -> RobustScene:
+    """Both holes bored once more about their middles, 0.5 to 3 degrees askew, by a drill of 0.9 to 1 of their width."""
+    generator, scenario = generator_of(kind, seed), scene_of_seed(seed)
+    askew_deg, turn = float(generator.uniform(0.5, 3.0)), float(generator.uniform(0.0, 2.0 * np.pi))
+    share, usual = float(generator.uniform(0.9, 1.0)), scenario.parts.nail.holes
+    lean = np.tan(np.radians(askew_deg)) * np.array([np.cos(turn), np.sin(turn), 0.0])
+    again = tuple(
+        replace(
+            hole,
+            id=f"{hole.id} again",
+            axis=Line(hole.axis.point_mm, unit(hole.axis.direction + lean)),
+            diameter_mm=share * hole.diameter_mm,
+        )
+        for hole in usual
+    )
+    cut_mm = scenario.parts.nail.radius_mm * float(np.tan(np.radians(askew_deg)))
+    drawn: Drawn = {"askew_deg": askew_deg, "turn_rad": turn, "share": share, BESIDE_FILE_MM: cut_mm}
+    scene = _straight_scene(kind, with_holes(scenario, (*usual, *again)), drawn)
+    return replace(scene, holes=scene.holes[: len(usual)], filed_holes=usual)
+
+
 def _with_proximal_slot(holes: tuple[Hole, ...], longer_mm: float) -> tuple[Hole, ...]:
     proximal = min(holes, key=lambda one: float(one.axis.point_mm[0]))
     slot = replace(proximal, slot_length_mm=proximal.diameter_mm + longer_mm)
@@ -164,6 +185,7 @@ KINDS: tuple[Kind, ...] = (
     *(_bent_kind(*radii) for radii in _RADII_MM),
     *(rendered_kind(make) for make in (hole_spacing, tilted_holes, chamfers, rounded_tip)),
     *(rendered_kind(make) for make in (oblong_slot, oblong_holes, slot_in_file, four_holes, leaning_holes)),
+    rendered_kind(bored_again),
 )
 BENCH = RobustnessBench("bent_nails", "nails that are bent or made otherwise than their file says", KINDS)
 
