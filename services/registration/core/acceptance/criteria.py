@@ -224,8 +224,8 @@ BY_DISPLACED_HOLES: Final = 4.0
 LAG_REMEDY: Final = "keep C-arm and patient still for a second, or switch off frame averaging, and take one more image"
 # No image shows which of two bores is the filed one.
 BORED_TWICE_REMEDY: Final = (
-    "if a drill has already met the nail, lock these holes by sight, along the beam; if none has, turn the C-arm by 5° "
-    "and take one more image")
+    "if a drill has already cut the nail's holes, no image shows their axes better: lock them by hand; if none has, "
+    "turn the C-arm by 5° and take one more image")
 MIRROR_MARGIN: Final = Criterion(
     ReasonCode.MIRROR_AMBIGUOUS, "logarithm of the likelihood ratio between the pose and its reflected tilt",
     at_least(8.0, "", decimals=1), "turn the C-arm by 5° and take one more image",

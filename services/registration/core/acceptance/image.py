@@ -386,7 +386,7 @@ def _because_of_lag(lag_px: float) -> str:
 def _because_of_second_bores(turn_deg: float) -> str:
     if turn_deg <= NAIL_AS_BUILT.much_turned_deg:
         return ""
-    return f"; the nail's holes look as if a drill had cut them askew, so that they may lie {turn_deg:.1f}° beside that"
+    return f"; the holes look bored twice, askew, so that their axes may lie {turn_deg:.1f}° (rms) from the estimate"
 
 
 def _because_of_the_nail(hole_spread_mm: float) -> str:

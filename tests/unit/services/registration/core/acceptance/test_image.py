@@ -133,6 +133,17 @@ def test_uncertainty_by_holes_beside_their_places_asks_for_the_nails_file() -> N
     assert "check that the file is that of the implanted nail" in beside.message
 
 
+def test_uncertainty_by_holes_that_look_bored_twice_says_so() -> None:
+    uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
+    (once,), (twice,) = (
+        localisation_reasons(replace(uncertain, departures=Departures(second_bore_deg=d))) for d in (0.3, 0.9)
+    )
+    assert "more dose" in once.message
+    assert "the holes look bored twice, askew, so that their axes may lie 0.9° (rms) from the estimate" in twice.message
+    assert "if a drill has already cut the nail's holes" in twice.message
+    assert "dose" not in twice.message
+
+
 @pytest.mark.parametrize("error_ratio", [3.3, 4.1])
 def test_parts_that_disagree_a_little_over_displaced_holes_ask_for_the_nails_file(error_ratio: float) -> None:
     by_holes = error_ratio < 4.0
