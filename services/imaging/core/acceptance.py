@@ -83,8 +83,8 @@ SMEAR: Final = Criterion(
     code=ReasonCode.MOTION_BLUR,
     measured="length over which the balls' shadows are smeared",
     limit=at_most(4, "px", decimals=1),
-    remedy="hold leg and C-arm still and take another image; if nothing moved, take it without edge enhancement, and from "
-    "the archive rather than by a video cable",
+    remedy="hold leg and C-arm still and take another image; if nothing moved, take it without edge enhancement, and "
+    "from the archive rather than by a video cable",
     origin=_BY_INSPECTION,
 )
 CENTRAL_DEVIATION: Final = Criterion(
