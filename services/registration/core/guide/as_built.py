@@ -47,8 +47,8 @@ class FocalLength:
     def conflict(self, of_camera: float) -> float:
         """Relative standard deviation that the camera's focal length has beside its own.
 
-        The ring's plates are as filed, or, with a small prior probability, apart by another distance: the second moment
-        of the relative error under the posterior of this mixture, given what the balls of the guide show.
+        The ring's plates are as filed, or, with a prior probability, apart by another distance: the root of the second
+        moment of the relative error under the posterior of this mixture, given what the balls of the guide show.
         """
         agreeing = self.standard_deviation**2 + of_camera**2
         # of the excess, by which the plates are expected to be wrong if they are

@@ -70,8 +70,8 @@ def turns_by_second_bores(problem: Problem, solution: Solution, noise: NoiseMode
     which a direction and an angle for each hole explain one each.
     """
     bores = _second_bores(problem, solution)
-    fall = bores.fall / float(noise.inflation.mean())
-    share = max(1.0 - 2.0 * len(bores.turns_rad) / max(fall, 1e-9), 0.0)
+    fall, by_noise = bores.fall / float(noise.inflation.mean()), 2.0 * len(bores.turns_rad)
+    share = 1.0 - by_noise / max(fall, by_noise)
     either_side = bores.turns_rad.T @ bores.turns_rad / len(bores.turns_rad)
     return np.asarray(share * (either_side + np.outer(bores.mean_turn_rad, bores.mean_turn_rad)))
 
