@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import { type Lane, onConnection } from "./connections";
-import { LocksOfPage } from "./tabs";
+import { firstFree, type Locks, LocksOfPage } from "./tabs";
 
 const settled = () => new Promise((done) => setTimeout(done, 0));
 
@@ -83,3 +83,42 @@ it("sends nothing for whoever has left while it waited", async () => {
   await left;
   expect(gateway.sent).toEqual(["first"]);
 });
+
+/** As a browser does while it opens a window: it refuses what it would have given. */
+class RefusingFirst implements Locks {
+  private readonly of = new LocksOfPage();
+  constructor(private readonly refused: string) {}
+
+  async request<T>(name: string, options: { signal: AbortSignal }, act: () => Promise<T> | T): Promise<T> {
+    if (name === this.refused) throw new Error("no longer runnable");
+    return await this.of.request(name, options, act);
+  }
+}
+
+it("takes another lock where one is refused, and gives it back", async () => {
+  const never = new AbortController().signal;
+  for (const refused of ["1", "2"]) {
+    const locks = new RefusingFirst(refused);
+    for (let i = 0; i < 3; i++) (await firstFree(["1", "2"], never, locks))();
+  }
+  await expect(firstFree(["1"], never, new RefusingFirst("1"))).rejects.toThrow("no longer runnable");
+});
+
+it("settles when a lock becomes free for whoever has just left", async () => {
+  const leaving = new AbortController();
+  const locks = new LocksOfPage();
+  const giveBack = await firstFree(["1"], new AbortController().signal, locks);
+  const late = expect(firstFree(["1"], leaving.signal, new GivingLate(locks))).rejects.toThrow("aborted");
+  leaving.abort();
+  giveBack();
+  await late;
+});
+
+/** Gives also what is not wanted any more: the grant was under way. */
+class GivingLate implements Locks {
+  constructor(private readonly of: Locks) {}
+
+  async request<T>(name: string, _options: { signal: AbortSignal }, act: () => Promise<T> | T): Promise<T> {
+    return await this.of.request(name, { signal: new AbortController().signal }, act);
+  }
+}

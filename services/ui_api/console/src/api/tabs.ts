@@ -26,21 +26,30 @@ const ofBrowser = globalThis.navigator?.locks as LockManager | undefined;
 export const areTabsShared = ofBrowser !== undefined;
 export const locks: Locks = (ofBrowser as Locks | undefined) ?? new LocksOfPage();
 
-/** Take the first of some locks that is free; what it resolves to gives it back. */
-export function firstFree(
+/**
+ * Take the first of some locks that is free; what it resolves to gives it back. A browser may refuse one of them while
+ * it opens a window: then another is waited for, and it is not held for nobody.
+ */
+export async function firstFree(
   names: readonly string[],
   signal: AbortSignal,
   of: Locks = locks,
 ): Promise<() => void> {
   const others = new AbortController();
   const wanted = AbortSignal.any([signal, others.signal]);
-  return new Promise((take, refuse) => {
-    const hold = () =>
-      new Promise<void>((giveBack) => {
-        if (wanted.aborted) return giveBack(); // another was free at the same time, or nobody waits any more
-        others.abort();
-        take(giveBack);
-      });
-    for (const name of names) of.request(name, { signal: wanted }, hold).catch(refuse); // of one that was taken it is too late
+  const waiting = names.map((name) => {
+    return new Promise<() => void>((take, refuse) => {
+      const hold = () =>
+        new Promise<void>((giveBack) => {
+          if (wanted.aborted) return giveBack(); // another was free at the same time, or nobody waits any more
+          others.abort();
+          take(giveBack);
+        });
+      const ended = () => refuse(wanted.reason); // of one that was taken it is too late
+      of.request(name, { signal: wanted }, hold).then(ended, refuse);
+    });
+  });
+  return await Promise.any(waiting).catch((refused: AggregateError) => {
+    throw refused.errors[0];
   });
 }
