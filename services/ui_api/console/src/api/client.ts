@@ -1,6 +1,6 @@
 // The one place that talks to the gateway. Everything else asks it through `queries.ts` and `actions.ts`.
 import createClient from "openapi-fetch";
-import { type Lane, onConnection } from "./connections";
+import { type Lane, onConnection, withinLimit } from "./connections";
 import { withRenewal } from "./renewal";
 import type { components, paths } from "./schema";
 
@@ -19,16 +19,11 @@ export class ApiError extends Error {
   }
 }
 
-// Longer than the gateway takes for anything but plans and verifications, which registration computes.
-const ANSWER_WITHIN_MS = 60_000;
-
 async function sent(request: Request): Promise<Response> {
-  const limit = AbortSignal.timeout(ANSWER_WITHIN_MS);
   return await withRenewal(request, (again) => {
-    const signal = AbortSignal.any([again.signal, limit]);
-    const send = () => fetch(again, { signal, credentials: "same-origin" });
+    const send = (signal: AbortSignal) => fetch(again, { signal, credentials: "same-origin" });
     const lane = laneOf(again);
-    return lane === null ? send() : onConnection(lane, send, signal);
+    return lane === null ? send(withinLimit(again.signal)) : onConnection(lane, send, again.signal);
   });
 }
 

@@ -1,4 +1,4 @@
-import { expect, it } from "vitest";
+import { expect, it, vi } from "vitest";
 import { type Lane, onConnection } from "./connections";
 import { firstFree, type Locks, LocksOfPage } from "./tabs";
 
@@ -69,6 +69,21 @@ it("gives the connection back when a request fails, and takes an answer without 
     locks,
   );
   expect(answer.status).toBe(204);
+});
+
+it("gives the connection back when no answer comes within the limit", async () => {
+  const limit = new AbortController();
+  const timeout = vi.spyOn(AbortSignal, "timeout").mockReturnValueOnce(limit.signal);
+  const silent = (signal: AbortSignal) =>
+    new Promise<Response>((_, refuse) => signal.addEventListener("abort", () => refuse(signal.reason)));
+  const locks = new LocksOfPage();
+  const unanswered = expect(onConnection("state", silent, undefined, locks)).rejects.toThrow("too late");
+  await settled();
+  limit.abort(new Error("too late"));
+  await unanswered;
+  timeout.mockRestore();
+  const next = onConnection("state", () => Promise.resolve(new Response("next")), undefined, locks);
+  expect(await (await next).text()).toBe("next");
 });
 
 it("sends nothing for whoever has left while it waited", async () => {

@@ -12,19 +12,31 @@ const LANES = {
 } as const;
 export type Lane = keyof typeof LANES;
 
+// Longer than the gateway takes for anything but plans and verifications, which registration computes.
+const ANSWER_WITHIN_MS = 60_000;
+
 const WITHOUT_A_BODY: ReadonlySet<number> = new Set([204, 205, 304]);
 const NEVER = new AbortController().signal;
 
-/** Send when a connection of that lane is free. It is free again once the whole answer is here. */
+/** A signal that also ends what got no answer for too long. */
+export function withinLimit(leaving: AbortSignal): AbortSignal {
+  return AbortSignal.any([leaving, AbortSignal.timeout(ANSWER_WITHIN_MS)]);
+}
+
+/**
+ * Send when a connection of that lane is free. It is free again once the whole answer is here, or when none came
+ * within the limit: a network that swallows an answer would keep it for all tabs.
+ */
 export async function onConnection(
   lane: Lane,
-  send: () => Promise<Response>,
-  signal: AbortSignal = NEVER,
+  send: (signal: AbortSignal) => Promise<Response>,
+  leaving: AbortSignal = NEVER,
   of: Locks = locks,
 ): Promise<Response> {
+  const signal = withinLimit(leaving);
   const giveBack = await firstFree(LANES[lane], signal, of);
   try {
-    return await wholeAnswer(await send());
+    return await wholeAnswer(await send(signal));
   } finally {
     giveBack();
   }

@@ -41,10 +41,10 @@ export function renewed(): Promise<boolean> {
 
 async function renewOnce(): Promise<boolean> {
   // Another tab may have renewed it while this one waited for its turn.
-  const known = await onConnection("usual", () => fetch(ME, { credentials: "same-origin" }));
+  const known = await onConnection("usual", (signal) => fetch(ME, { signal, credentials: "same-origin" }));
   if (known.ok) return true;
-  const answer = await onConnection("usual", () =>
-    fetch(REFRESH, { method: "POST", credentials: "same-origin" }),
+  const answer = await onConnection("usual", (signal) =>
+    fetch(REFRESH, { method: "POST", signal, credentials: "same-origin" }),
   );
   return answer.ok;
 }

@@ -55,7 +55,9 @@ async function asked<T>(method: string, path: string, body?: unknown): Promise<T
   });
   let answer: Response;
   try {
-    answer = await withRenewal(request, (again) => onConnection("usual", () => fetch(again)));
+    answer = await withRenewal(request, (again) =>
+      onConnection("usual", (signal) => fetch(again, { signal })),
+    );
   } catch (error) {
     throw new ApiError(0, "no_answer", String(error));
   }

@@ -28,7 +28,7 @@ export default function Thumbnail({ address, width_px, alt }: Props) {
 }
 
 async function fetched(address: string, signal: AbortSignal): Promise<Blob> {
-  const answer = await onConnection("long", () => fetch(address, { signal }), signal);
+  const answer = await onConnection("long", (within) => fetch(address, { signal: within }), signal);
   if (!answer.ok) throw new Error(`status ${answer.status}`);
   return await answer.blob();
 }

@@ -52,7 +52,7 @@ export function usePixels(wanted: Wanted | null) {
 
 async function fetchedPicture(wanted: Wanted, signal: AbortSignal): Promise<Blob> {
   const address = `/api/v1/images/${wanted.image}.png?view=${wanted.view}`;
-  const response = await onConnection("usual", () => fetch(address, { signal }), signal);
+  const response = await onConnection("usual", (within) => fetch(address, { signal: within }), signal);
   if (!response.ok) throw new Error(`status ${response.status}`);
   return await response.blob();
 }
