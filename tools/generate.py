@@ -15,6 +15,7 @@ from shared.messages.schema_files import SCHEMAS, schema_texts
 from tools.asyncapi import asyncapi_text
 from tools.client.generate import client_files
 from tools.console_fixture import FIXTURE, fixture_text
+from tools.decisions_page import decisions_page
 from tools.keys_page import keys_page
 from tools.monitoring import alert_rules, dashboard, monitoring_page
 from tools.part_schemas import part_schema_texts
@@ -35,6 +36,7 @@ _MONITORING = _DOCS.parent / "deploy" / "monitoring"
 _PAGES: dict[str, Callable[[], str]] = {
     "openapi.json": lambda: json.dumps(openapi_document(routed_app()), indent=1, ensure_ascii=False) + "\n",
     "asyncapi.json": asyncapi_text,
+    "decisions/README.md": decisions_page,
     "keys.md": keys_page,
     "monitoring.md": monitoring_page,
     "procedure.md": procedure_page,
