@@ -214,7 +214,7 @@ robot service. The robot's line `command accepted` has the trace and the command
 follow; they go on after the answer.
 
 ```console
-$ grep -h 0af7651916cd43dd8448eb211c80319c STATE/logs/*.log
+$ grep -h 0af7651916cd43dd8448eb211c80319c STATE/logs/*.jsonl*
 ```
 """
 _COLUMNS: Final = 2

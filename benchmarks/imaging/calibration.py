@@ -123,7 +123,7 @@ def one_image(seed: int, distortion: Distortion, lost: str, ring: RingPart, tall
 
 
 def _add_normalised(calibration: CArmCalibration, c_arm: CArm, tally: Tally) -> None:
-    """Errors of focal spot and distortion over what was foretold of them."""
+    """Errors of focal spot and distortion over the predicted ones."""
     error = calibration.camera_from_ring.inverse().translation_mm - c_arm.source_mm
     tally.source_normalised.append(error / np.sqrt(np.diag(calibration.source_covariance_mm2)))
     x, y = np.meshgrid(np.linspace(-85.0, 85.0, 13), np.linspace(-85.0, 85.0, 13))
@@ -154,7 +154,7 @@ def rows(title: str, tally: Tally) -> list[str]:
 def main(images: int = USUAL_IMAGES) -> int:
     ring = shipped_ring()
     table = ["| distortion, balls lost | | rays, rms px | worst image | source, mm across | along |", "|" + "---|" * 6]
-    honest = ["| distortion, balls lost | refused | field, error / foretold | source |", "|" + "---|" * 4]
+    honest = ["| distortion, balls lost | refused | field, error / predicted | source |", "|" + "---|" * 4]
     for distortion in (Distortion.QUINTIC, Distortion.FREE):
         for lost in ("random", "patch"):
             tally = Tally()
@@ -183,7 +183,7 @@ within 8 %. Errors are per axis, of rays through the true images of points at th
 
 {chr(10).join(table)}
 
-How honest the covariance is (1 is perfect), over the ring's whole plane and the focal spot:
+Consistency of the covariance (1 is perfect), over the ring's whole plane and the focal spot:
 
 {chr(10).join(honest)}
 """
