@@ -10,7 +10,7 @@ from benchmarks.campaign.people import PAUSE_S, TICK_S, GaveUp, People
 from benchmarks.campaign.rows import Moment
 from benchmarks.campaign.system import WHO
 from benchmarks.campaign.troubles import Error
-from services.ui_api.core.event_data import Step
+from services.ui_api.core.event_data import Step, VerificationRefused
 from services.ui_api.core.procedure_table import Verdict, decide_step
 from services.ui_api.handlers.commands import PlainVerb
 from services.ui_api.handlers.planning import MotionRequest, PlanBasis
@@ -116,7 +116,7 @@ class Procedure:
     def _plain(self, verb: PlainVerb) -> None:
         try:
             with self.people.asked() as unit:
-                self.people.system.commands.begin_plain(unit, verb, WHO)
+                self.people.system.commands.begin_plain(unit, verb, WHO, self.people.system.commands.asked())
         except Refused as refusal:
             self.people.note(refusal.code, str(refusal))
 
@@ -195,7 +195,9 @@ class Procedure:
         try:
             with self.people.asked() as unit:
                 request = MotionRequest(plan_number, hold_to_move=False, who=WHO.name)
-                operation = self.people.system.planning.begin_motion(unit, self.people.case, request)
+                operation = self.people.system.planning.begin_motion(
+                    unit, self.people.case, request, self.people.system.commands.asked()
+                )
         except Refused as refusal:
             self.people.note(refusal.code, str(refusal))
             if refusal.code == "wires_in_place":
@@ -242,16 +244,19 @@ class Procedure:
             reply = verifications.ask(verifications.request(self.people.case, (image,), "guide"))
             case_id = self.people.case.case_id
             with self.people.asked() as unit:
-                number = self.people.system.verifications.keep(unit, case_id, (image,), reply)
+                kept = self.people.system.verifications.keep(unit, case_id, (image,), reply)
         except Refused as refusal:
             self.people.note(refusal.code, str(refusal))
             raise Again from None
-        if number is None or reply.verification is None or reply.verification.verdict != "accepted":
-            reasons = () if reply.verification is None else reply.verification.reasons
-            code = str(reasons[0].code) if reasons else reply.code or "no_verification"
-            self.people.note(code, reasons[0].message if reasons else reply.message)
+        if isinstance(kept, VerificationRefused):
+            self.people.note(kept.code, kept.message)
             raise Again
-        return reply.verification
+        made = reply.verification
+        assert made is not None  # it was kept
+        if made.verdict != "accepted":
+            self.people.note(str(made.reasons[0].code), made.reasons[0].message)
+            raise Again
+        return made
 
     def _drill(self, group: tuple[str, ...]) -> None:
         self.people.enter(Moment.DRILL)

@@ -425,7 +425,7 @@ class VerificationMade(ReceivedModel):
 
 
 class VerificationRefused(ReceivedModel):
-    """Registration could not verify."""
+    """There is no verification: registration could not make one, or the guide may have moved meanwhile."""
 
     images: tuple[str, ...]
     code: str

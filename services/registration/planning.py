@@ -253,6 +253,14 @@ def another_set_up(earlier: LocalisedFrame, newest: LocalisedFrame) -> str | Non
     return _moved(a.robot_pose, b.robot_pose, "since")
 
 
+def moved_since(localised: LocalisedFrame, robot: RobotState | None) -> str | None:
+    """By how much the robot was moved since an image, as a clause; None when it was not, or when that is not known."""
+    before, now = localised.record.robot_pose, pose_at_rest(robot)
+    if before is None or now is None or robot is None or robot.boot_epoch != localised.record.robot_boot_epoch:
+        return None
+    return _moved(before, now, f"since image {localised.record.image.sha256[:12]} was made")
+
+
 def _moved(before: PlatformPoseMessage, now: PlatformPoseMessage, since: str) -> str | None:
     """By how much the robot was moved; None when it was not."""
     if same_place(before, now):

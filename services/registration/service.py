@@ -14,7 +14,7 @@ from services.registration.frames import (
 from services.registration.image_report import localised_frame
 from services.registration.jobs import LocalisationJobs
 from services.registration.live import LiveGuidance
-from services.registration.planning import another_set_up, answer_plan_request
+from services.registration.planning import another_set_up, answer_plan_request, moved_since
 from services.registration.report import verification_message
 from services.registration.settings import RegistrationSettings
 from services.registration.state import RegistrationState
@@ -159,7 +159,7 @@ class RegistrationService:
         known = [f for f in found if f is not None and set_up_of(f.case) == set_up_of(case)]
         if case is None or case.context.case_id != request.case_id or len(known) < len(found):
             return Answer(encode(VerificationReply(code="unknown_image", message=self._why_unknown(request, known))))
-        against = _not_one_set_up(known)
+        against = _not_one_set_up(known) or _not_of_now(known, self._state.robot)
         if against is not None:
             return Answer(encode(against))
         earlier = self._state.images.accepted_before(known)
@@ -256,6 +256,12 @@ class RegistrationService:
             raise BusError(f"the pixels of image {sha256[:12]} were missed and cannot be fetched: {error}") from error
         header = decode(FrameHeader, answer.attachment)
         return self._state.note_fetched_frame(header, header.pixels(answer.payload))
+
+
+def _not_of_now(frames: list[LocalisedFrame], robot: RobotState | None) -> VerificationReply | None:
+    """Why images do not show where the guide is now, or None."""
+    why = next((moved for frame in frames if (moved := moved_since(frame, robot)) is not None), None)
+    return None if why is None else VerificationReply(code="stale", message=f"{why}; take an image and verify it")
 
 
 def _not_one_set_up(frames: list[LocalisedFrame]) -> VerificationReply | None:

@@ -164,6 +164,11 @@ def plain_case(case: Case, names: dict[str, str] | None = None, pending: tuple[O
         stage_before_motion=case.stage_before_motion if moving else Stage.POSITIONING,
         step_entries=(),
         steps_recorded=0,
+        # There are no images in the model, of which the guide's place would tell anything.
+        guide_moved=None,
+        guide_moved_before_motion=None,
+        reference_id=None,
+        robot_boot_epoch=None,
     )
 
 

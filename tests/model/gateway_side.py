@@ -108,7 +108,9 @@ class GatewaySide:
         """Somebody asks for the motion of the approved plan."""
 
         def act(unit: UnitOfWork) -> None:
-            self._planning.begin_motion(unit, self._case(), MotionRequest(1, hold_to_move=False, who=WHO))
+            self._planning.begin_motion(
+                unit, self._case(), MotionRequest(1, hold_to_move=False, who=WHO), self._commands.asked()
+            )
 
         return self._write(memory, act, slot, number, is_full=is_full)
 
@@ -118,7 +120,7 @@ class GatewaySide:
         """Somebody asks for a command without a plan."""
 
         def act(unit: UnitOfWork) -> None:
-            self._commands.begin_plain(unit, verb, APPROVER)
+            self._commands.begin_plain(unit, verb, APPROVER, self._commands.asked())
 
         return self._write(memory, act, slot, number, is_full=is_full)
 

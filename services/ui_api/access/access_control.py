@@ -5,7 +5,7 @@ import hmac
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final
 
-from services.ui_api.access.accounts import Accounts
+from services.ui_api.access.accounts import Account, Accounts
 from services.ui_api.access.first_account import FirstAccount
 from services.ui_api.access.login import Login
 from services.ui_api.access.passkeys import Passkeys
@@ -20,6 +20,7 @@ from services.ui_api.core.roles import PERMISSION_OF, Action, Role, WithoutLogin
 from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.refusals import RefusalKind, Refused, conflict, forbidden, unauthenticated, unknown
 from services.ui_api.record.record import CaseRecord
+from services.ui_api.record.unit_of_work import UnitOfWork
 
 DEMO_BANNER: Final = (
     "SIMULATION: whoever has the token of the user 'demo' may do everything here. Nothing in this installation is real."
@@ -35,7 +36,7 @@ class AccessControl:
     def __init__(
         self, record: CaseRecord, clock: Clock, settings: AccessSettings, on_session_end: Callable[[], None]
     ) -> None:
-        self._settings, self._clock, self._record = settings, clock, record
+        self._settings, self._clock = settings, clock
         self._provider = None if settings.provider is None else Provider(settings.provider, clock)
         self._demo_sha256 = None if settings.demo_token is None else _digest(settings.demo_token)
         passwords = Passwords()
@@ -72,7 +73,8 @@ class AccessControl:
         """Open a session; raises `Refused`."""
         if name == DEMO_USER and self._is_demo_token(password):
             return _demo_tokens(password)
-        return self.sessions.open(self._login.account_by_password(name, password, address))
+        account = self._login.account_by_password(name, password, address)
+        return self.sessions.open(lambda _: self.accounts.unchanged(account), Authenticated.PASSWORD)
 
     @property
     def provider(self) -> Provider:
@@ -88,9 +90,11 @@ class AccessControl:
 
     def sign_in_of_provider(self, identity: ProviderIdentity) -> Tokens:
         """Open a session for somebody whom the identity provider knows; raises `Refused`."""
-        with self._record.write() as unit:
-            account = self.accounts.of_provider(unit, identity)
-        return self.sessions.open(account, Authenticated.PROVIDER)
+
+        def account_now(unit: UnitOfWork) -> Account:
+            return self.accounts.of_provider(unit, identity, self.sessions.end_all_of)
+
+        return self.sessions.open(account_now, Authenticated.PROVIDER)
 
     def refresh(self, refresh_token: str) -> Tokens:
         """Renew a session; raises `Refused`."""

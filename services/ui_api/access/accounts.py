@@ -1,7 +1,7 @@
 """Accounts in the record's database. Every change stands in the log, without the secret."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -13,7 +13,7 @@ from services.ui_api.core.account_rules import name_refusal, password_refusal
 from services.ui_api.core.events import EventDraft
 from services.ui_api.core.identity import ProviderIdentity
 from services.ui_api.core.roles import Role
-from services.ui_api.handlers.refusals import conflict, forbidden, invalid, unknown
+from services.ui_api.handlers.refusals import Refused, conflict, forbidden, invalid, unauthenticated, unknown
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.tables import USERS
 from services.ui_api.record.unit_of_work import UnitOfWork
@@ -96,10 +96,19 @@ class Accounts:
         )
         note_change(unit, account.name, AccountChange.CREATED, account.roles, who)
 
-    def of_provider(self, unit: UnitOfWork, identity: ProviderIdentity) -> Account:
+    def unchanged(self, account: Account) -> Account:
+        """The account as it is now, of somebody who has just shown who he is; raises `Refused` where that is past."""
+        now = self.find(account.name)
+        if now is None or now.disabled or now.password_hash != account.password_hash:
+            raise login_failed()
+        return now
+
+    def of_provider(
+        self, unit: UnitOfWork, identity: ProviderIdentity, end_sessions: Callable[[UnitOfWork, str], None]
+    ) -> Account:
         """The account of somebody whom the provider knows, made at the first time; raises `Refused`.
 
-        Roles are those that the provider says now.
+        Roles are those that the provider says now; sessions with other roles end.
         """
         rows = self._record.rows(select(USERS).where(USERS.c.provider_subject == identity.subject))
         if not rows:
@@ -115,6 +124,7 @@ class Accounts:
                 update(USERS).where(USERS.c.name == account.name).values(roles_json=_roles_json(identity.roles))
             )
             note_change(unit, account.name, AccountChange.ROLES_CHANGED, identity.roles, "gateway")
+            end_sessions(unit, account.name)
         return replace(account, roles=identity.roles)
 
     def set_password(self, unit: UnitOfWork, name: str, password_hash: str, who: str) -> None:
@@ -152,6 +162,13 @@ class Accounts:
                 "last_administrator",
                 f"'{account.name}' is the only administrator and cannot {consequence}; make another one first",
             )
+
+
+def login_failed() -> Refused:
+    """The same for a wrong name, a wrong password and a disabled account: which it is, is nobody's business."""
+    return unauthenticated(
+        "login_failed", "name and password do not belong together; try again, or ask an administrator"
+    )
 
 
 def note_change(unit: UnitOfWork, name: str, change: AccountChange, roles: frozenset[Role], who: str) -> None:

@@ -8,11 +8,11 @@ from typing import Final
 
 import structlog
 
-from services.ui_api.access.accounts import Account, Accounts
+from services.ui_api.access.accounts import Account, Accounts, login_failed
 from services.ui_api.access.passwords import Passwords
 from services.ui_api.core.lockout import Failures, Pair, after_failure, after_success, locked_for_s
 from services.ui_api.handlers.clock import Clock
-from services.ui_api.handlers.refusals import RefusalKind, Refused, unauthenticated
+from services.ui_api.handlers.refusals import RefusalKind, Refused
 
 _log = structlog.stdlib.get_logger("distalock.ui_api")
 
@@ -46,9 +46,7 @@ class Login:
             matches = self._passwords.matches(password, None if account is None else account.password_hash)
             if account is None or account.disabled or not matches:
                 failed.set()
-                raise unauthenticated(
-                    "login_failed", "name and password do not belong together; try again, or ask an administrator"
-                )
+                raise login_failed()
             return account
 
     @contextmanager

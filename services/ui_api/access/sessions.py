@@ -88,10 +88,18 @@ class Sessions:
         session = self._sessions.get(session_id)
         return session is not None and session.ends_s > self._clock.monotonic_s()
 
-    def open(self, account: Account, shown: Authenticated = Authenticated.PASSWORD) -> Tokens:
-        """Open a session for somebody who has shown who he is, and how."""
+    def open(self, account_now: Callable[[UnitOfWork], Account], shown: Authenticated) -> Tokens:
+        """Open a session for somebody who has shown who he is, and how.
+
+        Parameters
+        ----------
+        account_now
+            The account as it is when the session is recorded; raises `Refused`. Showing takes time, in which an
+            administrator may have changed it.
+        """
         session_id, refresh_token = secrets.token_hex(16), _new_token()
         with self._record.write() as unit:
+            account = account_now(unit)
             unit.change(delete(SESSIONS).where(SESSIONS.c.ends_at_ns <= unit.now_ns))
             ends_at_ns = unit.now_ns + int(SESSION_S * _NS)
             unit.change(
@@ -104,11 +112,11 @@ class Sessions:
                 )
             )
             _keep(unit, session_id, refresh_token)
-        now_s = self._clock.monotonic_s()
-        user = User(account.name, account.roles, shown, session_id, now_s)
-        session = _Session(user, now_s + SESSION_S)
-        with self._lock:
-            self._sessions = {**self._open_ones(), session_id: session}
+            now_s = self._clock.monotonic_s()
+            user = User(account.name, account.roles, shown, session_id, now_s)
+            session = _Session(user, now_s + SESSION_S)
+            # With the commit: whoever changes the account after it ends this session too.
+            unit.after_commit(lambda: self._publish(session_id, session))
         return self._issued(session, session_id, refresh_token)
 
     def refresh(self, refresh_token: str) -> Tokens:
@@ -183,6 +191,10 @@ class Sessions:
             }
             self._accesses = {**known, _sha256(access_token): _Access(session_id, now_s + ACCESS_TOKEN_S)}
         return Tokens(session.user, access_token, refresh_token, ACCESS_TOKEN_S, session.ends_s - now_s)
+
+    def _publish(self, session_id: str, session: _Session) -> None:
+        with self._lock:
+            self._sessions = {**self._open_ones(), session_id: session}
 
     def _forget(self, is_meant: Callable[[str, _Session], bool]) -> None:
         with self._lock:

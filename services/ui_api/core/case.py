@@ -21,9 +21,10 @@ from services.ui_api.core.event_data import (
     VerificationMade,
 )
 from services.ui_api.core.events import Event, EventData
-from services.ui_api.core.inside import Inside, inside_after
+from services.ui_api.core.guide_moved import BY_A_MOVE, BY_A_REFERENCE, GuideMoved, unwatched
+from services.ui_api.core.inside import TAKEN_OUT, Inside, inside_after
 from services.ui_api.core.procedure import Progress, Stage, Trigger
-from services.ui_api.core.robot_event_data import OperationEnded, OperationRequested, OperationStatus
+from services.ui_api.core.robot_event_data import OperationEnded, OperationRequested, OperationStatus, RobotChanged
 
 _AT_THE_START = Progress()
 STEPS_THAT_CHANGE_THE_SETUP = frozenset({Step.MOUNT_MOVED, Step.RING_REMOUNTED})
@@ -61,8 +62,8 @@ class Case:
 
     Images are in the order in which they were received, the newest last: one that the gateway missed, and records
     later, takes its place among the others. Of running fluoroscopy, `frames_let_go` older frames from which nothing was
-    measured are on record only. `localised_at_ns` and `skipped_at_ns` are when that was reported.
-    `image_before_motion` was the newest when the robot's last motion was asked for.
+    measured are on record only. `localised_at_ns` and `skipped_at_ns` are when that was reported. `guide_moved` is the
+    last time that the guide moved, or may have. What ends in `before_motion` is put back when a motion never began.
     """
 
     case_id: str
@@ -72,7 +73,10 @@ class Case:
     setup: CaseSetup
     progress: Progress = _AT_THE_START
     stage_before_motion: Stage = Stage.POSITIONING
-    image_before_motion: str | None = None
+    guide_moved: GuideMoved | None = None
+    guide_moved_before_motion: GuideMoved | None = None
+    reference_id: str | None = None  # of the last reference, as an operation
+    robot_boot_epoch: str | None = None  # of the robot service, when it was last heard of
     images: tuple[ImageReceived, ...] = ()
     frames_let_go: int = 0
     calibrations: tuple[ImageCalibrated, ...] = ()
@@ -92,6 +96,15 @@ class Case:
     def hole_ids(self) -> tuple[str, ...]:
         """Holes of the nail that have a guide hole of the same id."""
         return tuple(h for h in self.setup.nail.hole_ids if h in self.setup.guide.hole_ids)
+
+    def holes_meant_by(self, step: Step) -> frozenset[str]:
+        """Holes that a step is about when it names none: what is taken out, is taken out wherever it is.
+
+        What is inside was put in through holes of the parts of then, which other parts may not have.
+        """
+        kind = TAKEN_OUT.get(step)
+        held = (found.hole_id for found in self.progress.inside if found.kind is kind)
+        return frozenset((*self.hole_ids, *held))
 
     @property
     def steps(self) -> tuple[StepRecorded, ...]:
@@ -161,9 +174,20 @@ class Case:
             return f"it was measured at set-up revision {revision}, and the set-up is now at revision {self.revision}"
         if self.images and self.images[-1].image_sha256 != image_sha256:
             return "a newer image has arrived"
-        if image_sha256 == self.image_before_motion:
-            return "the robot has moved since it was taken"
-        return None
+        return self.guide_moved_since(image_sha256)
+
+    def guide_moved_since(self, image_sha256: str) -> str | None:
+        """Why an image no longer shows where the guide is, as a clause; None while it does, or of an unknown image.
+
+        An image that came twice is from when it came first.
+        """
+        image = next((i for i in self.images if i.image_sha256 == image_sha256), None)
+        if image is None:
+            return None
+        if image.case_revision != self.revision:
+            return f"it was taken at set-up revision {image.case_revision}, and the set-up is now at {self.revision}"
+        moved = self.guide_moved
+        return moved.because if moved is not None and moved.is_after(image, self.images) else None
 
 
 def opened_case(event: Event, data: CaseOpened) -> Case:
@@ -243,34 +267,49 @@ def _(data: ApprovalWithdrawn, case: Case, event: Event) -> Case:  # noqa: ARG00
 
 @_after.register
 def _(data: OperationRequested, case: Case, event: Event) -> Case:  # noqa: ARG001
+    known = replace(case, robot_boot_epoch=data.robot_boot_epoch)
+    if data.verb == "reference":
+        return replace(known, reference_id=data.operation_id)
     if data.verb != "move" or data.plan_number is None:
-        return case
-    known = _with_plan(case, data.plan_number, used=True)
-    stage_before = case.progress.stage
+        return known
+    known = _with_plan(known, data.plan_number, used=True)
     known = replace(
         known,
         motions=(*case.motions, data.operation_id),
-        stage_before_motion=stage_before,
-        image_before_motion=case.images[-1].image_sha256 if case.images else None,
+        stage_before_motion=case.progress.stage,
+        guide_moved=_guide_moved(case, BY_A_MOVE),
+        guide_moved_before_motion=case.guide_moved,
     )
     return _moved(known, Trigger.MOTION_REQUESTED)
 
 
 @_after.register
 def _(data: OperationEnded, case: Case, event: Event) -> Case:  # noqa: ARG001
+    if data.began and data.operation_id == case.reference_id:
+        return _with_guide_moved(case, BY_A_REFERENCE)
     if not case.motions or case.motions[-1] != data.operation_id:
         return case
     if data.began:
         reached = data.status is OperationStatus.SUCCEEDED
-        return _moved(case, Trigger.MOTION_REACHED if reached else Trigger.MOTION_CUT_SHORT)
+        moved = replace(case, guide_moved=_guide_moved(case, BY_A_MOVE))
+        return _moved(moved, Trigger.MOTION_REACHED if reached else Trigger.MOTION_CUT_SHORT)
     plans = tuple(replace(p, used=False) if i == _last_used(case) else p for i, p in enumerate(case.plans))
     progress = replace(case.progress.after(Trigger.MOTION_NEVER_BEGAN), stage=case.stage_before_motion)
-    return replace(case, plans=plans, progress=progress, image_before_motion=None)
+    return replace(case, plans=plans, progress=progress, guide_moved=case.guide_moved_before_motion)
+
+
+@_after.register
+def _(data: RobotChanged, case: Case, event: Event) -> Case:  # noqa: ARG001
+    because = unwatched(data, case.robot_boot_epoch)
+    known = replace(case, robot_boot_epoch=data.boot_epoch)
+    return known if because is None else _with_guide_moved(known, because)
 
 
 @_after.register
 def _(data: VerificationMade, case: Case, event: Event) -> Case:  # noqa: ARG001
     known = replace(case, verifications=(*case.verifications, data))
+    if any(case.guide_moved_since(image) is not None for image in data.images):
+        return known
     return _moved(known, Trigger.VERIFICATION_ACCEPTED if data.allows_drilling else Trigger.VERIFICATION_REJECTED)
 
 
@@ -297,7 +336,7 @@ def _(data: StepWithdrawn, case: Case, event: Event) -> Case:  # noqa: ARG001
 
 
 def _with_step(case: Case, data: StepRecorded) -> Case:
-    holes = frozenset(data.hole_ids or case.hole_ids)
+    holes = frozenset(data.hole_ids) or case.holes_meant_by(data.step)
     inside = inside_after(case.progress.inside, data.step, holes)
     seen = case.progress.seen and inside == case.progress.inside
     known = replace(case, progress=replace(case.progress, inside=inside, seen=seen))
@@ -320,6 +359,17 @@ def _with_plan(case: Case, number: int, *, approval: PlanApproved | None = None,
     entry = case.plans[number - 1]
     changed = replace(entry, approval=approval or entry.approval, used=entry.used if used is None else used)
     return replace(case, plans=(*case.plans[: number - 1], changed, *case.plans[number:]))
+
+
+def _guide_moved(case: Case, because: str) -> GuideMoved:
+    return GuideMoved(case.images[-1] if case.images else None, because)
+
+
+def _with_guide_moved(case: Case, because: str) -> Case:
+    """Beside a plan's own motion: also when that never began, images of before say nothing any more."""
+    moved = _guide_moved(case, because)
+    known = replace(case, guide_moved=moved, guide_moved_before_motion=moved, stage_before_motion=Stage.POSITIONING)
+    return _moved(known, Trigger.GUIDE_MAY_HAVE_MOVED)
 
 
 def _last_used(case: Case) -> int:

@@ -209,7 +209,7 @@ class VerificationMade:
 
 @dataclass(frozen=True, slots=True)
 class VerificationRefused:
-    """Registration could not verify."""
+    """There is no verification: registration could not make one, or the guide may have moved meanwhile."""
 
     images: tuple[str, ...]
     code: str

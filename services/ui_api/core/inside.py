@@ -35,15 +35,15 @@ REMOVING_STEPS: Final[Mapping[Step, ObjectKind]] = {
     Step.SCREWS_REMOVED: ObjectKind.SCREW,
 }
 # A hole is reported as drilled when the drill is out again.
-_TAKEN_OUT: Final[Mapping[Step, ObjectKind]] = {**REMOVING_STEPS, Step.DRILLED: ObjectKind.DRILL}
+TAKEN_OUT: Final[Mapping[Step, ObjectKind]] = {**REMOVING_STEPS, Step.DRILLED: ObjectKind.DRILL}
 
 
 def inside_after(inside: frozenset[Inside], step: Step, hole_ids: frozenset[str]) -> frozenset[Inside]:
     """What is inside after a step at some holes."""
     if step in INSERTING_STEPS:
         return inside | {Inside(INSERTING_STEPS[step], hole_id) for hole_id in hole_ids}
-    if step in _TAKEN_OUT:
-        return inside - {Inside(_TAKEN_OUT[step], hole_id) for hole_id in hole_ids}
+    if step in TAKEN_OUT:
+        return inside - {Inside(TAKEN_OUT[step], hole_id) for hole_id in hole_ids}
     return inside
 
 

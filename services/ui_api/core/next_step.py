@@ -84,6 +84,10 @@ def _inside(stage: Stage, kind: ObjectKind) -> Callable[[Situation], bool]:
     return lambda s: s.progress.stage is stage and kind in s.kinds_inside
 
 
+def _unsupervised(stage: Stage) -> Callable[[Situation], bool]:
+    return lambda s: s.progress.stage is stage and s.robot in (*_SILENT, RobotCondition.DISCONNECTED)
+
+
 def _before_motion(s: Situation) -> bool:
     """Whether the robot is to move next: to begin with, or by a plan that is made or approved."""
     planned = s.plan in (PlanStanding.MADE, PlanStanding.APPROVED) and not s.kinds_inside
@@ -189,6 +193,15 @@ _ROBOT_FIRST: Final = (
         lambda s: s.robot is RobotCondition.FAULT,
         Action.RESET,
         "The robot reports a fault: see to its cause, reset it, and take a new image before you rely on the guide.",
+    ),
+    *(
+        NextStep(
+            phase,
+            _unsupervised(stage),
+            None,
+            "Nobody supervises the robot: see to its service, the controller's power and cable; do not drill before.",
+        )
+        for stage, phase in ((Stage.ALIGNED, Phase.LOCKED), (Stage.VERIFIED, Phase.DRILLING))
     ),
     NextStep(
         Phase.DRILLING,

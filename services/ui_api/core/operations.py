@@ -148,13 +148,13 @@ def _overtaken(operation: Operation, saying: RobotSaying) -> OperationEnded:
 
 
 def _by_its_effect(operation: Operation, saying: RobotSaying) -> OperationEnded:
-    """Commands without a motion leave no trace but their effect."""
+    """Commands without a motion leave no trace but their effect; another stop or fault may have come since."""
     waits_for = saying.stop_latched if operation.requested.verb == "acknowledge_stop" else saying.in_fault
     condition = "its stop" if operation.requested.verb == "acknowledge_stop" else "its fault"
     return OperationEnded(
         operation.requested.operation_id,
         OperationStatus.FAILED if waits_for else OperationStatus.SUCCEEDED,
-        began=not waits_for,
+        began=True,
         code="no_effect" if waits_for else "",
         message=f"the robot gave no answer; {condition} is {'still' if waits_for else 'no longer'} in force",
     )

@@ -48,6 +48,7 @@ class Trigger(StrEnum):
     MOTION_REACHED = "motion_reached"
     MOTION_CUT_SHORT = "motion_cut_short"
     MOTION_NEVER_BEGAN = "motion_never_began"
+    GUIDE_MAY_HAVE_MOVED = "guide_may_have_moved"
     VERIFICATION_ACCEPTED = "verification_accepted"
     VERIFICATION_REJECTED = "verification_rejected"
     ALL_HOLES_DRILLED = "all_holes_drilled"
@@ -65,6 +66,8 @@ _AT_REST = (Stage.POSITIONING, Stage.ALIGNED, Stage.VERIFIED, Stage.DRILLED, Sta
 STAGE_TABLE: Mapping[tuple[Stage, Trigger], Stage] = {
     (Stage.ALIGNED, Trigger.SETUP_CHANGED): Stage.POSITIONING,
     (Stage.VERIFIED, Trigger.SETUP_CHANGED): Stage.POSITIONING,
+    (Stage.ALIGNED, Trigger.GUIDE_MAY_HAVE_MOVED): Stage.POSITIONING,
+    (Stage.VERIFIED, Trigger.GUIDE_MAY_HAVE_MOVED): Stage.POSITIONING,
     **{(s, Trigger.MOTION_REQUESTED): Stage.MOVING for s in (Stage.POSITIONING, Stage.ALIGNED, Stage.VERIFIED)},
     (Stage.MOVING, Trigger.MOTION_REACHED): Stage.ALIGNED,
     (Stage.MOVING, Trigger.MOTION_CUT_SHORT): Stage.POSITIONING,
@@ -90,6 +93,7 @@ AIM_TABLE: Mapping[tuple[Aim, Trigger], Aim] = {
     (Aim.APPROVED, Trigger.APPROVAL_WITHDRAWN): Aim.PLANNED,
     **{(a, Trigger.MOTION_REACHED): Aim.NONE for a in _ANY_AIM},
     **{(a, Trigger.MOTION_CUT_SHORT): Aim.NONE for a in _ANY_AIM},
+    **{(a, Trigger.GUIDE_MAY_HAVE_MOVED): Aim.NONE for a in _ANY_AIM},
     **{(a, Trigger.ROBOT_REMOVED): Aim.NONE for a in _ANY_AIM},
 }
 
@@ -99,6 +103,7 @@ _SEEN_TABLE: Mapping[Trigger, bool] = {
     Trigger.SETUP_CHANGED: False,
     Trigger.MOTION_REACHED: False,
     Trigger.MOTION_CUT_SHORT: False,
+    Trigger.GUIDE_MAY_HAVE_MOVED: False,
     Trigger.VERIFICATION_ACCEPTED: False,
     Trigger.VERIFICATION_REJECTED: False,
     Trigger.ROBOT_REMOVED: False,

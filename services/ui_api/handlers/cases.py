@@ -1,7 +1,7 @@
 """Opening, changing and closing cases, and recording what people did with their hands."""
 
 import secrets
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from services.ui_api.core.case import STEPS_THAT_CHANGE_THE_SETUP, Case
@@ -117,7 +117,7 @@ class CaseHandler:
         """Record a step. One out of order needs a reason, because what was done is a fact all the same."""
         case = self.case(case_id)
         self._procedure.require(case, Action.RECORD_STEP)
-        require_known_holes(case, request.hole_ids)
+        require_known_holes(request.hole_ids, case.holes_meant_by(request.step))
         decision = decide_step(self._procedure.situation(case), request.step)
         if not request.why:
             require_allowed(decision)
@@ -153,11 +153,11 @@ class CaseHandler:
                 require_approved(kind, part, self._is_approved)
 
 
-def require_known_holes(case: Case, hole_ids: tuple[str, ...]) -> None:
-    """Refuse hole ids that nail and guide do not both have."""
+def require_known_holes(hole_ids: Iterable[str], known: Collection[str]) -> None:
+    """Refuse hole ids that are not among the known ones."""
     for hole_id in hole_ids:
-        if hole_id not in case.hole_ids:
-            raise invalid("unknown_hole", f"hole {hole_id!r} is not known; the case has {', '.join(case.hole_ids)}")
+        if hole_id not in known:
+            raise invalid("unknown_hole", f"hole {hole_id!r} is not known; the case has {', '.join(sorted(known))}")
 
 
 def _new_setup(unit: UnitOfWork, request: SetupRequest) -> CaseSetup:

@@ -25,7 +25,7 @@ from services.ui_api.handlers.leases import Leases
 from services.ui_api.handlers.operation_requests import Move, requested_operation, with_permit
 from services.ui_api.handlers.permits import PermitHandler
 from services.ui_api.handlers.refusals import conflict
-from services.ui_api.handlers.robot_view import RobotView, saying_of
+from services.ui_api.handlers.robot_view import RobotView, SeenRobot, saying_of
 from services.ui_api.handlers.stop import StopHandler
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit_of_work import UnitOfWork
@@ -48,10 +48,28 @@ _log = structlog.stdlib.get_logger("distalock.ui_api")
 # Chosen: the robot answers within milliseconds, and whoever asked for a motion still looks at it.
 COMMAND_TIMEOUT_S = 0.5
 TIME_TO_LIVE_S = 1.0
+# What moves nothing quotes the state of when it was asked for, and may have waited for the record since.
+TIME_TO_LIVE_WITHOUT_MOTION_S = 2.0
 PlainVerb = Literal["reference", "acknowledge_stop", "reset"]
 # A run that refuses a command of an earlier one does not know what that one did: the message may have come twice.
 _REFUSED_BY_ANOTHER_RUN = "wrong_boot_epoch"
 _VERBS_THAT_END_WITH_THE_REPLY = frozenset({"acknowledge_stop", "reset"})
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What was known when somebody asked for a command: a request may wait for a thread and for the record.
+
+    Attributes
+    ----------
+    seen
+        The robot as it was seen; None when it had not been heard of.
+    stops
+        Count of the stops that had been sent.
+    """
+
+    seen: SeenRobot | None
+    stops: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,29 +117,40 @@ class CommandHandler:
         """Wait for the command that is being sent; those behind it are not sent any more."""
         self._sender.shutdown(wait=True, cancel_futures=True)
 
-    def begin_move(self, unit: UnitOfWork, case_id: str, who: str, move: Move) -> Operation:
+    def asked(self) -> Asked:
+        """What is known now, for what somebody asks for now."""
+        return Asked(self._view.newest(), self._stops.count)
+
+    def begin_move(self, unit: UnitOfWork, case_id: str, who: str, move: Move, asked: Asked) -> Operation:
         """Record a motion, to be sent when the transaction is on the disk; raises `Refused`."""
         self._refuse_while_pending()
         state = self._view.current()
-        envelope = self._envelope(state)
+        envelope = self._envelope(state, TIME_TO_LIVE_S)
         permit = self._permits.for_move(unit, state, move.plan)
         command = MoveCommand(envelope=envelope, plan_sha256=move.plan.sha256, permit=permit)
         requested = with_permit(requested_operation(envelope, "move", state, move), permit, move.plan.approver)
-        return self._begin(unit, EventDraft(requested, case_id, who), encode(command))
+        return self._begin(unit, EventDraft(requested, case_id, who), encode(command), asked)
 
-    def begin_plain(self, unit: UnitOfWork, verb: PlainVerb, who: Approver) -> Operation:
-        """Record a command without a plan, to be sent when the transaction is on the disk; raises `Refused`."""
+    def begin_plain(self, unit: UnitOfWork, verb: PlainVerb, who: Approver, asked: Asked) -> Operation:
+        """Record a command without a plan, to be sent when the transaction is on the disk; raises `Refused`.
+
+        Who acknowledges a stop, or resets a fault, knew of none that came after he had asked: so the command quotes the
+        state that was seen then, and the robot refuses it when it has been stopped since.
+        """
+        state = self._view.current()
         if verb in VERBS_WITH_A_MOTION:
             self._refuse_while_pending()
-        state = self._view.current()
-        envelope = self._envelope(state)
+            envelope = self._envelope(state, TIME_TO_LIVE_S)
+        else:
+            state = asked.seen.state if asked.seen is not None else state
+            envelope = self._envelope(state, TIME_TO_LIVE_WITHOUT_MOTION_S)
         requested, permit = requested_operation(envelope, verb, state, None), None
         if verb in VERBS_WITH_A_MOTION:
             permit = self._permits.for_reference(unit, state, who)
             requested = with_permit(requested, permit, who)
         case = self._record.ledger.open_case()
         draft = EventDraft(requested, case.case_id if case else None, who.name)
-        return self._begin(unit, draft, encode(PlainCommand(verb=verb, envelope=envelope, permit=permit)))
+        return self._begin(unit, draft, encode(PlainCommand(verb=verb, envelope=envelope, permit=permit)), asked)
 
     def adopt_orphans(self) -> None:
         """After a restart: commands without a recorded answer are `unknown` until the robot's state settles them."""
@@ -131,7 +160,13 @@ class CommandHandler:
                 self._note(OperationProgressed(operation.requested.operation_id, OperationStatus.UNKNOWN, message))
 
     def follow(self, state: RobotState) -> None:
-        """Let a robot state settle the operations that have not ended."""
+        """Let a robot state settle the operations that have not ended.
+
+        States wait in a queue: one of an earlier run of the robot service says nothing of a command to this one.
+        """
+        newest = self._view.newest()
+        if newest is not None and newest.state.boot_epoch != state.boot_epoch:
+            return
         for operation in self._record.ledger.pending_operations():
             verdict = settle(operation, saying_of(state))
             if verdict is not None:
@@ -146,24 +181,24 @@ class CommandHandler:
                 f"{pending[0].status}; wait until it has ended, or stop it",
             )
 
-    def _envelope(self, state: RobotState) -> CommandEnvelope:
+    def _envelope(self, state: RobotState, time_to_live_s: float) -> CommandEnvelope:
         return CommandEnvelope(
             command_id=secrets.token_hex(16),
             client=self._client,
             client_sequence=next(self._client_sequence),
             robot_boot_epoch=state.boot_epoch,
             after_state_sequence=state.sequence,
-            time_to_live_s=TIME_TO_LIVE_S,
+            time_to_live_s=time_to_live_s,
             issued_at_ns=self._clock.unix_ns(),
         )
 
-    def _begin(self, unit: UnitOfWork, draft: EventDraft, payload: bytes) -> Operation:
+    def _begin(self, unit: UnitOfWork, draft: EventDraft, payload: bytes, asked: Asked) -> Operation:
         requested = draft.data
         assert isinstance(requested, OperationRequested)
         event = unit.append(draft)
         if requested.hold_to_move:
             unit.after_commit(lambda: self._leases.grant(requested.operation_id))
-        waiting = _Waiting(requested.operation_id, requested.verb, payload, self._stops.count)
+        waiting = _Waiting(requested.operation_id, requested.verb, payload, asked.stops)
         unit.after_commit(lambda: self._hand_over(waiting))
         return Operation(requested, draft.case_id, event.at_ns)
 

@@ -9,7 +9,7 @@ from services.ui_api.core.identity import Approver, Authenticated
 from services.ui_api.core.operations import Operation
 from services.ui_api.core.procedure_table import Action
 from services.ui_api.handlers.cases import require_known_holes
-from services.ui_api.handlers.commands import CommandHandler
+from services.ui_api.handlers.commands import Asked, CommandHandler
 from services.ui_api.handlers.operation_requests import Move
 from services.ui_api.handlers.permits import ApprovedPlan
 from services.ui_api.handlers.procedure import ProcedureHandler, localisation_staleness
@@ -70,7 +70,7 @@ class PlanningHandler:
     def request(self, case: Case, basis: PlanBasis, hole_ids: tuple[str, ...]) -> PlanRequest:
         """What to ask registration; raises `Refused` where nothing can be planned from that now."""
         self._procedure.require(case, Action.REQUEST_PLAN)
-        require_known_holes(case, hole_ids)
+        require_known_holes(hole_ids, case.hole_ids)
         alone = not basis.earlier and basis.verification is None
         measured = (_usable_localisation if alone else _newest)(case, basis.localisation)
         return PlanRequest(
@@ -118,7 +118,7 @@ class PlanningHandler:
         unit.append(EventDraft(approved, case.case_id, approver.name))
         return approved
 
-    def begin_motion(self, unit: UnitOfWork, case: Case, request: MotionRequest) -> Operation:
+    def begin_motion(self, unit: UnitOfWork, case: Case, request: MotionRequest, asked: Asked) -> Operation:
         """Record and send the motion of an approved plan; raises `Refused`."""
         self._procedure.require(case, Action.START_MOTION)
         entry = self._newest_plan(case, request.plan_number)
@@ -131,7 +131,7 @@ class PlanningHandler:
             plan=ApprovedPlan(approval.plan_sha256, self.plan_content(entry).hole_ids, approver),
             hold_to_move=request.hold_to_move,
         )
-        return self._commands.begin_move(unit, case.case_id, request.who, move)
+        return self._commands.begin_move(unit, case.case_id, request.who, move, asked)
 
     def withdraw_approval(self, unit: UnitOfWork, case: Case, number: int, who: str) -> None:
         """Take an approval back, as long as no motion has begun from it; raises `Refused`."""

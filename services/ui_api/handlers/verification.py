@@ -5,7 +5,7 @@ from services.ui_api.core.event_data import VerificationMade, VerificationRefuse
 from services.ui_api.core.events import EventDraft
 from services.ui_api.core.procedure_table import Action
 from services.ui_api.handlers.procedure import ProcedureHandler
-from services.ui_api.handlers.refusals import unknown
+from services.ui_api.handlers.refusals import Refused, conflict, unknown
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit_of_work import UnitOfWork
 from shared.bus.keys import Keys
@@ -37,6 +37,8 @@ class VerificationHandler:
         for image in images:
             if case.image(image) is None:
                 raise unknown("image", image, f"GET /cases/{case.case_id}/images lists those of the case")
+        if (stale := _stale(case, images)) is not None:
+            raise stale
         return VerificationRequest(case_id=case.case_id, image_sha256=images, of=of)
 
     def ask(self, request: VerificationRequest) -> VerificationReply:
@@ -44,14 +46,21 @@ class VerificationHandler:
         answer = self._bus.query(self._keys.verification_request, encode(request), VERIFICATION_TIMEOUT_S)
         return decode(VerificationReply, answer.payload)
 
-    def keep(self, unit: UnitOfWork, case_id: str, images: tuple[str, ...], reply: VerificationReply) -> int | None:
-        """Record registration's answer; the verification's number, or None when there is none."""
-        made = reply.verification
-        if made is None:
-            refusal = VerificationRefused(images, reply.code or "no_verification", reply.message)
+    def keep(
+        self, unit: UnitOfWork, case_id: str, images: tuple[str, ...], reply: VerificationReply
+    ) -> int | VerificationRefused:
+        """Record registration's answer; the verification's number, or why there is none.
+
+        The guide may have moved while registration compared: then the answer is of where it was, and does not count.
+        """
+        case, made = self._record.ledger.cases[case_id], reply.verification
+        stale = _stale(case, images)
+        if made is None or stale is not None:
+            by_registration = (reply.code or "no_verification", reply.message)
+            refusal = VerificationRefused(images, *(by_registration if stale is None else (stale.code, str(stale))))
             unit.append(EventDraft(refusal, case_id, "registration"))
-            return None
-        number = len(self._record.ledger.cases[case_id].verifications) + 1
+            return refusal
+        number = len(case.verifications) + 1
         codes = tuple(reason.code.value for reason in made.reasons)
         passing = tuple(one.id for one in _measured(made) if one.chance_to_pass >= LEAST_CHANCE_TO_PASS)
         data = VerificationMade(number, images, made.verdict, codes, unit.put_document(encode(made)), passing)
@@ -63,6 +72,15 @@ class VerificationHandler:
         if not 1 <= number <= len(case.verifications):
             raise unknown("verification", str(number), f"case {case.case_id} has {len(case.verifications)}")
         return decode(Verification, self._record.document(case.verifications[number - 1].document_sha256))
+
+
+def _stale(case: Case, images: tuple[str, ...]) -> Refused | None:
+    """Refusal because an image does not show where the guide is; None when all do."""
+    for image in images:
+        because = case.guide_moved_since(image)
+        if because is not None:
+            return conflict("image_stale", f"image {image[:12]} is of before: {because}; take an image and verify it")
+    return None
 
 
 def _measured(made: Verification) -> tuple[VerifiedWire, ...] | tuple[VerifiedGuideHole, ...]:

@@ -9,6 +9,7 @@ from pydantic import ConfigDict, model_validator
 
 from services.ui_api.core.case import Case
 from services.ui_api.core.computations import Computation
+from services.ui_api.core.event_data import VerificationRefused
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.computations import Outcome, RequestedComputation
 from services.ui_api.handlers.planning import PlanBasis
@@ -105,10 +106,10 @@ def _verification(gateway: Gateway, case: Case, body: VerificationBody, who: str
     request = verifications.request(case, images, body.of)
 
     def keep(unit: UnitOfWork, reply: VerificationReply) -> Outcome:
-        number = verifications.keep(unit, case_id, images, reply)
-        return _outcome(
-            number, f"/api/v1/cases/{case_id}/verifications", reply.code or "no_verification", reply.message
-        )
+        kept = verifications.keep(unit, case_id, images, reply)
+        if isinstance(kept, VerificationRefused):
+            return Outcome(None, kept.code, kept.message)
+        return Outcome(f"/api/v1/cases/{case_id}/verifications/{kept}")
 
     says = f"verification of the {body.of} in {_images(images)}"
     requested = RequestedComputation("verify", case_id, who, says, f"registration compares the {body.of} with the axes")

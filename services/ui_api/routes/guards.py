@@ -14,7 +14,9 @@ from starlette.responses import Response
 
 from services.ui_api.core.identity import User
 from services.ui_api.core.roles import PERMISSION_OF, Action, WithoutLogin
+from services.ui_api.handlers.commands import Asked
 from services.ui_api.handlers.refusals import Refused
+from services.ui_api.routes.access import gateway_of
 from services.ui_api.routes.conditional import conditional
 from services.ui_api.routes.problems import log_refusal, problem_of, sender_of
 from services.ui_api.routes.request_checks import query_parameters, require_json, require_known_parameters
@@ -62,6 +64,7 @@ class GuardedRoute(APIRoute):
 
         async def guarded(request: Request) -> Response:
             request.state.user = _admitted(request, action, is_limited=is_limited)
+            request.state.asked = gateway_of(request).commands.asked()
             if action is not Action.STOP:  # a stop is refused for nothing that it says
                 require_known_parameters(request, known)
             if takes_json:
@@ -124,5 +127,12 @@ async def _user(request: Request) -> User:
     return user
 
 
+async def _asked(request: Request) -> Asked:
+    asked: Asked = request.state.asked
+    return asked
+
+
 # Only for routes whose action needs a login: elsewhere nobody may be there.
 TheUser = Annotated[User, Depends(_user)]
+# For what is sent to the robot: what was known when the request came.
+TheAsked = Annotated[Asked, Depends(_asked)]

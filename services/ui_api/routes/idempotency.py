@@ -20,7 +20,7 @@ from fastapi import Header, Request
 from pydantic import BaseModel
 from starlette.responses import Response
 
-from services.ui_api.handlers.refusals import invalid
+from services.ui_api.handlers.refusals import RefusalKind, Refused, invalid
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.problems import PROBLEM_JSON, Problem, headers_of, log_refusal, problem_of, sender_of
@@ -30,6 +30,9 @@ T = TypeVar("T")
 
 # Stored answers that are too old are looked for with the first of so many requests.
 _FORGET_EVERY = 100
+# Chosen: each keeps one of the application's forty threads for up to a minute; what is about the robot needs them too.
+MOST_ASKING: Final = 16
+_ASK_AGAIN_AFTER_S: Final = 1.0
 _NO_HEADERS: Final[Mapping[str, str]] = {}
 
 IdempotencyKey = Annotated[
@@ -76,10 +79,11 @@ class Idempotency:
         self._guard = threading.Lock()
         self._waiting: Counter[str] = Counter()
         self._locks: dict[str, threading.Lock] = {}
+        self._places = threading.BoundedSemaphore(MOST_ASKING)
 
     def once(self, request: Keyed, act: Callable[[UnitOfWork], Answer]) -> Response:
         """Do something that needs only the record."""
-        return self.once_after(request, lambda: None, lambda unit, _: act(unit))
+        return self._once(request, lambda: None, lambda unit, _: act(unit))
 
     def has_answered(self, request: Keyed) -> bool:
         """Whether this very request has an answer already."""
@@ -87,7 +91,21 @@ class Idempotency:
         return known is not None and known.request_sha256 == request.request_sha256
 
     def once_after(self, request: Keyed, ask: Callable[[], T], act: Callable[[UnitOfWork, T], Answer]) -> Response:
-        """Ask another service first, outside the transaction, then record and answer within one."""
+        """Ask another service first, outside the transaction, then record and answer within one; raises `Refused`."""
+        if not self._places.acquire(blocking=False):
+            raise Refused(
+                RefusalKind.UNAVAILABLE,
+                "gateway_busy",
+                f"{MOST_ASKING} requests wait for registration or imaging (limit {MOST_ASKING}); try again when one "
+                "has ended, or do not wait for it (POST .../operations)",
+                _ASK_AGAIN_AFTER_S,
+            )
+        try:
+            return self._once(request, ask, act)
+        finally:
+            self._places.release()
+
+    def _once(self, request: Keyed, ask: Callable[[], T], act: Callable[[UnitOfWork, T], Answer]) -> Response:
         with self._alone(request.key):
             known = self._record.remembered(request.key)
             if known is not None:

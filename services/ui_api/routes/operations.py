@@ -84,8 +84,9 @@ def cancel_operation(
 
 
 @router.put("/{operation_id}/lease", openapi_extra=needs(Action.MOVE) | NEVER_LIMITED)
-def renew_lease(operation_id: str, gateway: TheGateway) -> LeaseView:
+async def renew_lease(operation_id: str, gateway: TheGateway) -> LeaseView:
     """Go on holding: motion stops when this is not repeated in time. A lapsed lease cannot be renewed."""
+    # A coroutine, which reads memory alone: it must not wait for one of the threads that others keep for a minute.
     operation = _operation(gateway, operation_id)
     if operation.ended:
         raise conflict("operation_ended", f"operation {operation_id} has ended: it is '{operation.status}'")

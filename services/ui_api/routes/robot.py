@@ -7,11 +7,11 @@ from fastapi import Request, Response
 from services.ui_api.core import procedure_table
 from services.ui_api.core.identity import Approver, User
 from services.ui_api.core.roles import Action
-from services.ui_api.handlers.commands import PlainVerb
+from services.ui_api.handlers.commands import Asked, PlainVerb
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency, gateway_of, kept_views_of
 from services.ui_api.routes.bodies import CommandBody
-from services.ui_api.routes.guards import TheUser, needs
+from services.ui_api.routes.guards import TheAsked, TheUser, needs
 from services.ui_api.routes.idempotency import Idempotency, IdempotencyKey, Keyed, keyed
 from services.ui_api.routes.motion_views import RobotView, StopView, says_simulated
 from services.ui_api.routes.operation_views import OperationView
@@ -64,10 +64,11 @@ def reference_robot(
     gateway: TheGateway,
     idempotency: TheIdempotency,
     user: TheUser,
+    asked: TheAsked,
     body: CommandBody = _ANONYMOUS,
 ) -> Response:
     """Reference the hexapod: only in set-up, with the guide off the bone."""
-    return _begin(keyed(request, key, body), user, gateway, idempotency, "reference")
+    return _begin(keyed(request, key, body), user, gateway, idempotency, asked, "reference")
 
 
 @router.post(
@@ -79,10 +80,11 @@ def acknowledge_stop(
     gateway: TheGateway,
     idempotency: TheIdempotency,
     user: TheUser,
+    asked: TheAsked,
     body: CommandBody = _ANONYMOUS,
 ) -> Response:
     """Release a stop, as a person who has looked."""
-    return _begin(keyed(request, key, body), user, gateway, idempotency, "acknowledge_stop")
+    return _begin(keyed(request, key, body), user, gateway, idempotency, asked, "acknowledge_stop")
 
 
 @router.post("/reset", status_code=202, response_model=OperationView, openapi_extra=needs(Action.PREPARE_ROBOT))
@@ -92,15 +94,18 @@ def reset_robot(
     gateway: TheGateway,
     idempotency: TheIdempotency,
     user: TheUser,
+    asked: TheAsked,
     body: CommandBody = _ANONYMOUS,
 ) -> Response:
     """Leave a fault by connecting anew, after a person has seen to it; the robot is `stopped` then."""
-    return _begin(keyed(request, key, body), user, gateway, idempotency, "reset")
+    return _begin(keyed(request, key, body), user, gateway, idempotency, asked, "reset")
 
 
-def _begin(request: Keyed, user: User, gateway: Gateway, idempotency: Idempotency, verb: PlainVerb) -> Response:
+def _begin(
+    request: Keyed, user: User, gateway: Gateway, idempotency: Idempotency, asked: Asked, verb: PlainVerb
+) -> Response:
     def act(unit: UnitOfWork) -> Answer:
         gateway.procedure.require_of_robot(procedure_table.Action(verb))
-        return accepted(gateway.commands.begin_plain(unit, verb, Approver(user.name, user.authenticated)))
+        return accepted(gateway.commands.begin_plain(unit, verb, Approver(user.name, user.authenticated), asked))
 
     return idempotency.once(request, act)

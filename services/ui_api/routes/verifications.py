@@ -2,7 +2,7 @@
 
 from fastapi import Request, Response
 
-from services.ui_api.core.event_data import VerificationMade
+from services.ui_api.core.event_data import VerificationMade, VerificationRefused
 from services.ui_api.core.roles import Action
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
@@ -37,12 +37,13 @@ def make_verification(
         return verifications.ask(verifications.request(matched_case(gateway, case_id, if_match), images, body.of))
 
     def act(unit: UnitOfWork, reply: VerificationReply) -> Answer:
-        number = gateway.verifications.keep(unit, case_id, images, reply)
-        if number is None or reply.verification is None:
-            return problem_answer(problem(409, reply.code or "no_verification", reply.message, request.url.path))
-        location = f"{request.url.path}/{number}"
+        kept = gateway.verifications.keep(unit, case_id, images, reply)
+        if isinstance(kept, VerificationRefused):
+            return problem_answer(problem(409, kept.code, kept.message, request.url.path))
+        assert reply.verification is not None  # it was kept
+        location = f"{request.url.path}/{kept}"
         newest = case_etag_after(gateway, case_id, unit)
-        return json_answer(201, _view(number, reply.verification), location=location, case_etag=newest)
+        return json_answer(201, _view(kept, reply.verification), location=location, case_etag=newest)
 
     return idempotency.once_after(keyed(request, key, body), ask, act)
 

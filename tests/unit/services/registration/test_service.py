@@ -86,6 +86,9 @@ def test_an_accepted_image_is_planned_and_verified(outside: Outside) -> None:
 
     outside.robot_is(pose=HOME.model_copy(update={"x_mm": 0.5}))
     eventually(lambda: outside.ask_plan("one").code == "stale")
+    moved = outside.ask_verification("one")
+    assert (moved.code, moved.verification) == ("stale", None)
+    assert "the robot was moved by 0.500 mm" in moved.message
     outside.robot_is(MotionState.MOVING)
     eventually(lambda: outside.ask_plan("one").code == "robot_unknown")
     outside.robot_is(boot="robot-2")

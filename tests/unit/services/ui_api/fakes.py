@@ -187,6 +187,8 @@ class FakeRegistration(OnTheBus):
 
     def _verify(self, query: Query) -> Answer:
         request = decode(VerificationRequest, query.payload)
+        self.asked.set()
+        self.hold.wait(PATIENCE_S)
         if self.refusal is not None:
             code, message = self.refusal
             return Answer(encode(VerificationReply(code=code, message=message)))

@@ -10,6 +10,7 @@ from distalock.rest_client import bearer
 from services.ui_api.access.accounts import Account
 from services.ui_api.access.passwords import Passwords
 from services.ui_api.access.sessions import Tokens
+from services.ui_api.core.identity import Authenticated
 from services.ui_api.core.roles import Role
 from tests.unit.services.ui_api.room import Room
 
@@ -32,7 +33,7 @@ def _hashed() -> str:
 def tokens_of(room: Room, name: str) -> Tokens:
     """A session of its own, as after signing in; the password is not compared."""
     access = room.gateway.access
-    return access.sessions.open(access.accounts.account(name))
+    return access.sessions.open(lambda _: access.accounts.account(name), Authenticated.PASSWORD)
 
 
 def end_session_of(room: Room, access_token: str) -> None:

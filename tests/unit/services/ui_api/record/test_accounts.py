@@ -9,7 +9,8 @@ from sqlalchemy import Engine
 
 from services.ui_api.access.accounts import Account, Accounts
 from services.ui_api.access.passwords import Passwords
-from services.ui_api.access.sessions import ACCESS_TOKEN_S, SESSION_S, Sessions
+from services.ui_api.access.sessions import ACCESS_TOKEN_S, SESSION_S, Sessions, Tokens
+from services.ui_api.core.identity import Authenticated, ProviderIdentity
 from services.ui_api.core.roles import Role
 from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.refusals import Refused
@@ -52,6 +53,10 @@ def nora(with_: Opened) -> Account:
     return with_.accounts.account("nora")
 
 
+def session_of(with_: Opened) -> Tokens:
+    return with_.sessions.open(lambda _: with_.accounts.account("nora"), Authenticated.PASSWORD)
+
+
 def refusal(sessions: Sessions, refresh_token: str) -> str:
     with pytest.raises(Refused) as refused:
         sessions.refresh(refresh_token)
@@ -61,7 +66,8 @@ def refusal(sessions: Sessions, refresh_token: str) -> str:
 def test_tokens_end_with_their_time_and_sessions_with_theirs(engine: Engine) -> None:
     time = Time()
     here = opened(engine, time)
-    tokens = here.sessions.open(nora(here))
+    nora(here)
+    tokens = session_of(here)
     time.now_s += ACCESS_TOKEN_S - 1.0
     assert here.sessions.user_of(tokens.access_token).name == "nora"
     time.now_s += 1.0
@@ -80,8 +86,8 @@ def test_an_expired_token_stays_known_while_others_renew_theirs(engine: Engine) 
     """Its holder is told to renew it; told that it is nobody's, a surgeon would have to sign in again."""
     time = Time()
     here = opened(engine, time)
-    account = nora(here)
-    one, other = here.sessions.open(account), here.sessions.open(account)
+    nora(here)
+    one, other = session_of(here), session_of(here)
     time.now_s += ACCESS_TOKEN_S
     here.sessions.refresh(other.refresh_token)
     for token in (one.access_token, other.access_token):
@@ -94,9 +100,10 @@ def test_an_expired_token_stays_known_while_others_renew_theirs(engine: Engine) 
 def test_after_a_restart_a_session_is_renewed_unless_its_account_was_disabled(engine: Engine) -> None:
     time = Time()
     before = opened(engine, time)
-    tokens = before.sessions.open(nora(before))
+    nora(before)
+    tokens = session_of(before)
     assert opened(engine, time).sessions.refresh(tokens.refresh_token).user.roles == {Role.SURGEON}
-    again = before.sessions.open(before.accounts.account("nora"))
+    again = session_of(before)
     with before.record.write() as unit:
         before.accounts.set_disabled(unit, "nora", "test", disabled=True)
     assert refusal(opened(engine, time).sessions, again.refresh_token) == "refresh_token_invalid"
@@ -105,7 +112,8 @@ def test_after_a_restart_a_session_is_renewed_unless_its_account_was_disabled(en
 def test_a_backup_has_the_accounts_and_what_is_restored_has_no_sessions(engine: Engine, tmp_path: Path) -> None:
     time = Time()
     here = opened(engine, time)
-    tokens = here.sessions.open(nora(here))
+    nora(here)
+    tokens = session_of(here)
     back_up(engine, tmp_path / "images", tmp_path / "backup", datetime(2026, 1, 2, tzinfo=UTC), "1")
     chain = restore(tmp_path / "backup", sqlite_url(tmp_path / "other"), tmp_path / "other" / "images")
     engine_there = open_database(sqlite_url(tmp_path / "other"))
@@ -115,3 +123,57 @@ def test_a_backup_has_the_accounts_and_what_is_restored_has_no_sessions(engine: 
     assert Passwords().matches(PASSWORD, kept.password_hash)
     assert refusal(there.sessions, tokens.refresh_token) == "refresh_token_invalid"
     engine_there.dispose()
+
+
+@pytest.mark.parametrize("change", ["roles", "disabled", "password"])
+def test_a_session_has_the_roles_of_when_it_is_opened(engine: Engine, change: str) -> None:
+    """Comparing a password takes time, in which an administrator may change the account."""
+    here = opened(engine, Time())
+    shown = nora(here)
+    with here.record.write() as unit:
+        if change == "roles":
+            here.accounts.set_roles(unit, "nora", frozenset({Role.VIEWER}), "test")
+        elif change == "disabled":
+            here.accounts.create(unit, Account("other", frozenset({Role.SURGEON}), "none", False, 0), "test")
+            here.accounts.set_disabled(unit, "nora", "test", disabled=True)
+        else:
+            here.accounts.set_password(unit, "nora", here.accounts.hashed("nora", "five other words"), "test")
+    if change == "roles":
+        tokens = here.sessions.open(lambda _: here.accounts.unchanged(shown), Authenticated.PASSWORD)
+        assert here.sessions.user_of(tokens.access_token).roles == {Role.VIEWER}
+        return
+    with pytest.raises(Refused) as refused:
+        here.sessions.open(lambda _: here.accounts.unchanged(shown), Authenticated.PASSWORD)
+    assert refused.value.code == "login_failed"
+
+
+def test_a_session_that_is_being_opened_ends_with_all_of_its_user(engine: Engine) -> None:
+    here = opened(engine, Time())
+    nora(here)
+    with here.record.write() as unit:
+        here.sessions.end_all_of(unit, "nora")
+    tokens = session_of(here)
+    with here.record.write() as unit:
+        here.sessions.end_all_of(unit, "nora")
+    with pytest.raises(Refused, match="none of a session that is open"):
+        here.sessions.user_of(tokens.access_token)
+
+
+def test_roles_that_the_provider_took_back_end_the_sessions_that_have_them(engine: Engine) -> None:
+    here = opened(engine, Time())
+
+    def sign_in(*roles: Role) -> Tokens:
+        identity = ProviderIdentity("subject", "dr.a", frozenset(roles))
+        return here.sessions.open(
+            lambda unit: here.accounts.of_provider(unit, identity, here.sessions.end_all_of), Authenticated.PROVIDER
+        )
+
+    surgeon = sign_in(Role.SURGEON)
+    assert here.sessions.user_of(sign_in(Role.SURGEON).access_token).roles == {Role.SURGEON}
+    assert here.sessions.user_of(surgeon.access_token).roles == {Role.SURGEON}
+    viewer = sign_in(Role.VIEWER)
+    assert here.sessions.user_of(viewer.access_token).roles == {Role.VIEWER}
+    with pytest.raises(Refused) as refused:
+        here.sessions.user_of(surgeon.access_token)
+    assert refused.value.code == "token_invalid"
+    assert refusal(here.sessions, surgeon.refresh_token) == "refresh_token_invalid"

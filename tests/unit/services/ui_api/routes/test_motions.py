@@ -247,6 +247,16 @@ def test_a_refusal_by_another_run_of_the_robot_service_proves_nothing(room: Room
     assert (ended["code"], ended["began"]) == ("robot_restarted", True)
 
 
+def test_a_state_of_an_earlier_run_of_the_robot_that_waited_says_nothing(room: Room) -> None:
+    """States wait while the record takes nothing."""
+    earlier = room.robot.state.model_copy(update={"boot_epoch": "robot-0"})
+    plan = room.approved_plan(case_id := room.open_case())
+    operation_id = _move(room, case_id, plan)
+    room.wait_for_status(operation_id, "running")
+    room.gateway.commands.follow(earlier)
+    assert room.get(f"/operations/{operation_id}").json()["status"] == "running"
+
+
 @pytest.mark.requirement("GW-10")
 def test_a_command_without_an_answer_is_unknown_until_the_robot_tells(room: Room) -> None:
     plan = room.approved_plan(case_id := room.open_case())

@@ -1,16 +1,18 @@
 """Stop waits for nothing: not for a hanging command, a hanging query, or the record."""
 
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import httpx
 import pytest
 
 from services.ui_api.core.events import EventKind
 from services.ui_api.core.robot_event_data import StopRequested
+from services.ui_api.handlers.commands import Asked
 from services.ui_api.handlers.planning import MotionRequest
 from shared.messages.robot import CommandReply, MotionState, StopLatch, StopReport
 from tests.unit.services.ui_api.fakes import PATIENCE_S
-from tests.unit.services.ui_api.room import Room
+from tests.unit.services.ui_api.room import Room, wait_until
 
 HANGING_REQUESTS = 60
 
@@ -57,22 +59,15 @@ def test_stop_does_not_wait_for_a_motion_command_that_hangs(room: Room) -> None:
 
 def test_stop_does_not_wait_for_the_threads_of_other_requests(room: Room) -> None:
     """More requests hang in queries than the server has threads for them."""
-    room.image("image", case_id := room.open_case())
-    room.registration.hold.clear()
-    body = {"localisation": 1, "hole_ids": ["distal"]}
-    hanging = [
-        threading.Thread(target=room.post, args=(f"/cases/{case_id}/plans", body)) for _ in range(HANGING_REQUESTS)
-    ]
-    for thread in hanging:
-        thread.start()
-    try:
+    hanging = [threading.Thread(target=room.post, args=("/robot/reset",)) for _ in range(HANGING_REQUESTS)]
+    with room.gateway.record.write():  # each of them waits for its turn to be recorded
+        for thread in hanging:
+            thread.start()
         _wait_until_no_thread_is_free(room)
         assert room.client.post("/api/v1/robot/stop").json()["confirmed"] is True
         assert room.robot.stopped.is_set()
-    finally:
-        room.registration.hold.set()
-        for thread in hanging:
-            thread.join(PATIENCE_S)
+    for thread in hanging:
+        thread.join(PATIENCE_S)
 
 
 @pytest.mark.requirement("GW-05")
@@ -125,7 +120,9 @@ def test_a_stop_between_the_recording_of_a_motion_and_its_sending_wins(room: Roo
     plan = room.approved_plan(case_id := room.open_case())
     with room.gateway.record.write() as unit:
         case = room.gateway.cases.case(case_id)
-        operation = room.gateway.planning.begin_motion(unit, case, MotionRequest(plan, False, "Dr A"))
+        operation = room.gateway.planning.begin_motion(
+            unit, case, MotionRequest(plan, False, "Dr A"), room.gateway.commands.asked()
+        )
         room.gateway.stops.stop("test")
     ended = room.wait_for_status(operation.requested.operation_id, "stopped")
     assert (ended["began"], ended["code"]) == (False, "stopped_before_sending")
@@ -139,6 +136,59 @@ def test_acknowledging_a_stop_is_an_operation(room: Room) -> None:
     ended = room.wait_for_status(answer.json()["id"], "succeeded")
     assert ended["verb"] == "acknowledge_stop"
     assert room.robot.plain[0].verb == "acknowledge_stop"
+
+
+@pytest.mark.requirement("GW-05")
+@pytest.mark.parametrize("verb", ["acknowledge-stop", "reset"])
+def test_who_acknowledges_knew_of_no_stop_that_came_after_he_asked(
+    room: Room, verb: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known = _latched(room, "somebody stopped it")
+    came = _asked_for(room, monkeypatch)
+    with ThreadPoolExecutor(1) as pool:
+        with room.gateway.record.write():  # the request waits for its turn to be recorded
+            waits = pool.submit(room.post, f"/robot/{verb}")
+            assert came.wait(PATIENCE_S)
+            later = _latched(room, "somebody stopped it again")
+        room.wait_for_status(waits.result().json()["id"], "succeeded")
+    assert known < later
+    assert room.robot.plain[0].envelope.after_state_sequence == known
+
+
+def test_a_motion_that_waits_for_the_record_is_not_sent_after_a_stop(
+    room: Room, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    etag = room.etag_for(f"/cases/{case_id}")
+    came = _asked_for(room, monkeypatch)
+    with ThreadPoolExecutor(1) as pool:
+        with room.gateway.record.write():
+            waits = pool.submit(room.post, f"/cases/{case_id}/motions", {"plan": plan}, None, etag)
+            assert came.wait(PATIENCE_S)
+            room.gateway.stops.stop("test")
+        ended = room.wait_for_status(waits.result().json()["id"], "stopped")
+    assert (ended["began"], ended["code"]) == (False, "stopped_before_sending")
+    assert room.robot.moves == []
+
+
+def _asked_for(room: Room, monkeypatch: pytest.MonkeyPatch) -> threading.Event:
+    """Set when the next request has come, and what was known then was noted."""
+    came, asked = threading.Event(), room.gateway.commands.asked
+
+    def noted() -> Asked:
+        known = asked()
+        came.set()
+        return known
+
+    monkeypatch.setattr(room.gateway.commands, "asked", noted)
+    return came
+
+
+def _latched(room: Room, detail: str) -> int:
+    """The robot is stopped, and the gateway knows it; the number of that state."""
+    said = room.robot.say(MotionState.STOPPED, stop=StopLatch.LATCHED, detail=detail)
+    wait_until(lambda: (seen := room.gateway.view.newest()) is not None and seen.state.sequence == said.sequence)
+    return said.sequence
 
 
 @pytest.mark.parametrize("verb", ["reference", "reset"])

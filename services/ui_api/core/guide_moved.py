@@ -1,0 +1,65 @@
+"""Since when images show where the guide is: it moved with the robot, or may have moved while nobody watched it. Pure.
+
+An image from before shows where the guide was. A plan, a verification and a hole that is drilled on its word need one
+from after it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from services.ui_api.core.event_data import ImageReceived
+from services.ui_api.core.robot_event_data import RobotChanged
+from shared.robot_states import MotionState
+
+BY_A_MOVE: Final = "the robot has moved since it was taken"
+BY_A_REFERENCE: Final = "the robot was referenced since it was taken"
+BY_A_RESTART: Final = "the robot service restarted since it was taken"
+
+# In these states nobody knows whether the brakes hold the guide where it was.
+_UNWATCHED: Final[Mapping[str, str]] = {
+    MotionState.FAULT: "the robot was in fault since it was taken",
+    MotionState.DISCONNECTED: "the robot's controller was not connected since it was taken",
+    MotionState.REFERENCING: BY_A_REFERENCE,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class GuideMoved:
+    """The guide moved, or may have.
+
+    Attributes
+    ----------
+    newest
+        The newest image of the case then; None when there was none.
+    because
+        How, as a clause that follows an image: "the robot has moved since it was taken".
+    """
+
+    newest: ImageReceived | None
+    because: str
+
+    def is_after(self, image: ImageReceived, images: Sequence[ImageReceived]) -> bool:
+        """Whether an image is from before; `images` are those of the case, in their order."""
+        newest = self.newest
+        if newest is None or newest.precedes(image):
+            return False
+        if image == newest or image.precedes(newest) or newest not in images:
+            return image == newest or image.precedes(newest)
+        # Of two stores, or of records of older versions: no numbers say which came first.
+        return image not in images or images.index(image) <= images.index(newest)
+
+
+def unwatched(robot: RobotChanged, boot_epoch: str | None) -> str | None:
+    """Why the guide may have moved, by the robot's condition; None where the robot held it and watched it.
+
+    Parameters
+    ----------
+    robot
+        The robot's new condition.
+    boot_epoch
+        The run of the robot service before; None when none was seen in the case.
+    """
+    if boot_epoch is not None and robot.boot_epoch != boot_epoch:
+        return BY_A_RESTART
+    return _UNWATCHED.get(robot.state)

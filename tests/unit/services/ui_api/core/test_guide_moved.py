@@ -1,0 +1,113 @@
+"""An image says nothing of where the guide is once the guide moved, or may have."""
+
+from dataclasses import replace
+
+import pytest
+
+from services.ui_api.core.event_data import CaseOpened, SetupChanged, VerificationMade
+from services.ui_api.core.events import EventData
+from services.ui_api.core.guide_moved import BY_A_MOVE, BY_A_REFERENCE, BY_A_RESTART, GuideMoved
+from services.ui_api.core.procedure import Stage
+from services.ui_api.core.robot_event_data import OperationStatus, RobotChanged
+from tests.unit.services.ui_api import samples
+from tests.unit.services.ui_api.core.case_log import Log, asked_for, ended, image, plan
+
+_ROBOT = RobotChanged("boot-1", "locked", "clear", True, True, None, "none", "", "a hexapod")
+
+
+def _robot(state: str, boot_epoch: str = "boot-1") -> RobotChanged:
+    return replace(_ROBOT, state=state, boot_epoch=boot_epoch)
+
+
+def _verified(*names: str) -> VerificationMade:
+    return VerificationMade(1, tuple(map(samples.sha, names)), "accepted", (), "e" * 64, ("distal",))
+
+
+@pytest.fixture
+def log() -> Log:
+    """A case whose guide was verified in image "one", with the robot locked."""
+    opened = Log()
+    opened.add(CaseOpened(samples.case_setup()), _ROBOT, image("one", 1), _verified("one"))
+    return opened
+
+
+def test_a_guide_that_was_verified_stays_so_while_the_robot_holds_it(log: Log) -> None:
+    case = log.add(_robot("stopped"), _robot("locked"))
+    assert (case.progress.stage, case.guide_moved_since(samples.sha("one"))) == (Stage.VERIFIED, None)
+
+
+@pytest.mark.requirement("GW-04")
+@pytest.mark.parametrize(
+    ("events", "because"),
+    [
+        ((_robot("fault"), _robot("stopped"), _robot("locked")), "the robot was in fault since it was taken"),
+        ((_robot("disconnected"),), "the robot's controller was not connected since it was taken"),
+        ((_robot("stopped", "boot-2"),), BY_A_RESTART),
+        ((asked_for("reference", "op"), ended("op")), BY_A_REFERENCE),
+        ((_robot("referencing"), _robot("locked")), BY_A_REFERENCE),
+    ],
+)
+def test_what_nobody_watched_is_verified_anew(log: Log, events: tuple[EventData, ...], because: str) -> None:
+    case = log.add(*events)
+    assert (case.progress.stage, case.progress.seen) == (Stage.POSITIONING, False)
+    assert case.guide_moved_since(samples.sha("one")) == because
+    assert case.staleness_of_image(samples.sha("one"), 1) == because
+    assert log.add(_verified("one")).progress.stage is Stage.POSITIONING
+    assert log.add(image("two", 2), _verified("two")).progress.stage is Stage.VERIFIED
+
+
+def test_a_reference_that_never_began_moved_nothing(log: Log) -> None:
+    case = log.add(asked_for("reference", "op"), ended("op", OperationStatus.FAILED, began=False))
+    assert (case.progress.stage, case.guide_moved) == (Stage.VERIFIED, None)
+
+
+def test_an_image_that_came_while_the_robot_moved_shows_no_place_of_now(log: Log) -> None:
+    log.add(plan(1, "one"), asked_for("move", "op"), image("under way", 2))
+    case = log.add(ended("op"))
+    assert case.progress.stage is Stage.ALIGNED
+    assert case.guide_moved_since(samples.sha("under way")) == BY_A_MOVE
+    assert log.add(_verified("under way")).progress.stage is Stage.ALIGNED
+
+
+def test_a_motion_that_never_began_leaves_what_moved_the_guide_before(log: Log) -> None:
+    moved = log.add(plan(1, "one"), asked_for("move", "op"), ended("op")).guide_moved
+    assert moved is not None
+    log.add(image("two", 2), asked_for("move", "op-2"))
+    case = log.add(ended("op-2", OperationStatus.FAILED, began=False))
+    assert case.guide_moved == moved
+    assert case.guide_moved_since(samples.sha("one")) == BY_A_MOVE
+    assert case.guide_moved_since(samples.sha("two")) is None
+
+
+def test_a_fault_before_a_motion_that_never_began_is_not_forgotten(log: Log) -> None:
+    log.add(plan(1, "one"), asked_for("move", "op"), _robot("fault"))
+    case = log.add(ended("op", OperationStatus.FAILED, began=False))
+    assert case.progress.stage is Stage.POSITIONING
+    assert case.guide_moved_since(samples.sha("one")) == "the robot was in fault since it was taken"
+
+
+def test_an_image_of_another_set_up_shows_no_place_of_now(log: Log) -> None:
+    case = log.add(SetupChanged(2, samples.case_setup()))
+    assert case.guide_moved_since(samples.sha("one")) == (
+        "it was taken at set-up revision 1, and the set-up is now at 2"
+    )
+    assert log.add(_verified("one")).progress.stage is Stage.POSITIONING
+
+
+def test_an_image_that_is_sent_again_is_from_when_it_came_first(log: Log) -> None:
+    case = log.add(_robot("fault"), image("one", 3))
+    assert case.guide_moved_since(samples.sha("one")) == "the robot was in fault since it was taken"
+
+
+def test_images_without_numbers_are_in_the_order_of_the_record() -> None:
+    one, two, three = (replace(image(name, 0), store_id=None, sequence=None) for name in ("one", "two", "three"))
+    moved = GuideMoved(two, BY_A_MOVE)
+    assert [moved.is_after(each, (one, two, three)) for each in (one, two, three)] == [True, True, False]
+    assert not GuideMoved(None, BY_A_MOVE).is_after(one, (one,))
+
+
+def test_an_image_that_was_missed_counts_by_its_number(log: Log) -> None:
+    log.add(image("two", 4), _robot("fault"), image("missed", 3), image("three", 5))
+    case = log.case
+    assert case.guide_moved_since(samples.sha("missed")) == "the robot was in fault since it was taken"
+    assert case.guide_moved_since(samples.sha("three")) is None
