@@ -97,14 +97,14 @@ class Case:
         """Holes of the nail that have a guide hole of the same id."""
         return tuple(h for h in self.setup.nail.hole_ids if h in self.setup.guide.hole_ids)
 
-    def holes_meant_by(self, step: Step) -> frozenset[str]:
+    def holes_meant_by(self, step: Step) -> tuple[str, ...]:
         """Holes that a step is about when it names none: what is taken out, is taken out wherever it is.
 
         What is inside was put in through holes of the parts of then, which other parts may not have.
         """
         kind = TAKEN_OUT.get(step)
-        held = (found.hole_id for found in self.progress.inside if found.kind is kind)
-        return frozenset((*self.hole_ids, *held))
+        held = sorted(found.hole_id for found in self.progress.inside if found.kind is kind)
+        return (*self.hole_ids, *(hole_id for hole_id in held if hole_id not in self.hole_ids))
 
     @property
     def steps(self) -> tuple[StepRecorded, ...]:
@@ -336,7 +336,7 @@ def _(data: StepWithdrawn, case: Case, event: Event) -> Case:  # noqa: ARG001
 
 
 def _with_step(case: Case, data: StepRecorded) -> Case:
-    holes = frozenset(data.hole_ids) or case.holes_meant_by(data.step)
+    holes = frozenset(data.hole_ids or case.holes_meant_by(data.step))
     inside = inside_after(case.progress.inside, data.step, holes)
     seen = case.progress.seen and inside == case.progress.inside
     known = replace(case, progress=replace(case.progress, inside=inside, seen=seen))

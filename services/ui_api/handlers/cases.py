@@ -157,7 +157,7 @@ def require_known_holes(hole_ids: Iterable[str], known: Collection[str]) -> None
     """Refuse hole ids that are not among the known ones."""
     for hole_id in hole_ids:
         if hole_id not in known:
-            raise invalid("unknown_hole", f"hole {hole_id!r} is not known; the case has {', '.join(sorted(known))}")
+            raise invalid("unknown_hole", f"hole {hole_id!r} is not known; the case has {', '.join(known)}")
 
 
 def _new_setup(unit: UnitOfWork, request: SetupRequest) -> CaseSetup:
