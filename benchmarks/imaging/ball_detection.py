@@ -1,4 +1,4 @@
-"""Balls in images with other steel over them: `python -m benchmarks.imaging.ball_detection [IMAGES]`.
+"""Balls in images with other steel over them: `distalock bench ball_detection [IMAGES]`.
 
 Each image shows the shipped ring; 0, 20 or 40 % of its balls are covered in part by another ball. Everyone gets the
 same images and the radii to look for. Recall counts the ring's balls found within two pixels; precision counts what was

@@ -1,4 +1,4 @@
-"""Calibration against its peers and its limit: `python -m benchmarks.imaging.calibration [IMAGES]`.
+"""Calibration against its peers and its limit: `distalock bench imaging_calibration [IMAGES]`.
 
 Images of the shipped ring with 72 of its 120 balls left, lost at random or in one patch, at a contrast-to-noise ratio
 of 15. The distortion is a random polynomial of order 5, or pincushion of tangents, swirl and waves, which no polynomial
@@ -175,7 +175,7 @@ def main(images: int = USUAL_IMAGES) -> int:
 def _document(table: list[str], honest: list[str], images: int) -> str:
     return f"""# Calibration
 
-Made by `python -m benchmarks.imaging.calibration`: {images} images a kind, seeded. 72 of the ring's 120 balls are left,
+Made by `distalock bench imaging_calibration`: {images} images a kind, seeded. 72 of the ring's 120 balls are left,
 the rest lost at random or in one patch; contrast-to-noise ratio 15 of the middle ball; own images (spheres, display
 curve, a leg). All methods get the centres that distalock measured and named; OpenCV starts at the true focal length
 within 8 %. Errors are per axis, of rays through the true images of points at the height of nail and guide, within

@@ -1,4 +1,4 @@
-"""Damaged input: `python -m benchmarks.imaging.fuzz [FILES] [IMAGES]`.
+"""Damaged input: `distalock bench imaging_fuzz [FILES] [IMAGES]`.
 
 Files: valid DICOM objects (plain, RLE, runs) and PNGs with bytes changed, removed, doubled and cut; each must be read
 as an image or refused as unreadable, whatever is in it. Images: a calibrated image with parts overwritten, turned,
@@ -234,7 +234,7 @@ def main(files: int = 10_000, images: int = 1000) -> int:
     lines = [
         "# Damaged input",
         "",
-        f"Made by `python -m benchmarks.imaging.fuzz`: {files} damaged files and {images} spoiled images, seeded.",
+        f"Made by `distalock bench imaging_fuzz`: {files} damaged files and {images} spoiled images, seeded.",
         "Lines that begin with `!` would be failures: exceptions, reading for longer than 20 s, nonsense accepted.",
         "",
         "| | outcome | count |",

@@ -1,4 +1,4 @@
-"""Ring from what is left of it: `python -m benchmarks.imaging.identification [SEEDS]`.
+"""Ring from what is left of it: `distalock bench imaging_identification [SEEDS]`.
 
 60 % of the shipped ring's balls are left, lost at random or all around one place; any rotation, mirrored or not, both
 kinds of distortion, focal spot and nominal values wrong by up to ten per cent, forty other discs (a guide, screws,
@@ -80,7 +80,7 @@ def main(seeds: int = 1000) -> int:
         print(lines[-1], flush=True)
     if seeds >= 1000:
         REPORT.write_text(
-            "# Identification of the ring\n\nMade by `python -m benchmarks.imaging.identification`: "
+            "# Identification of the ring\n\nMade by `distalock bench imaging_identification`: "
             f"{seeds} seeds a row. {(__doc__ or '').split(chr(10), 2)[2].strip()}\n\n" + "\n".join(lines) + "\n"
         )
     return 1 if wrong else 0

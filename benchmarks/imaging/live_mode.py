@@ -1,4 +1,4 @@
-"""How fast, and whether memory grows: `python -m benchmarks.imaging.live_mode [IMAGES]`.
+"""How fast, and whether memory grows: `distalock bench live_mode [IMAGES]`.
 
 Images of 1024 x 1024 pixels of a C-arm that stands still and moves now and then, as fluoroscopy shows them. Each is
 calibrated by itself, or with the one before it in mind, as the imaging service does. Times are those of one process,
@@ -106,7 +106,7 @@ def main(images: int = 2000) -> int:
     if images >= 2000:
         text = (__doc__ or "").split("\n", 2)[2].strip()
         REPORT.write_text(
-            f"# Live mode\n\nMade by `python -m benchmarks.imaging.live_mode`. {text}\n\n" + "\n".join(lines) + "\n"
+            f"# Live mode\n\nMade by `distalock bench live_mode`. {text}\n\n" + "\n".join(lines) + "\n"
         )
     return 0
 

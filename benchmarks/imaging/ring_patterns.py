@@ -1,4 +1,4 @@
-"""The shipped ring beside two other patterns: `python -m benchmarks.imaging.ring_patterns [SEEDS]`.
+"""The shipped ring beside two other patterns: `distalock bench imaging_ring_patterns [SEEDS]`.
 
 Each has 120 balls on two plates 76 mm apart, 46 of them on the far one: the shipped pattern (random with a least
 distance), a square lattice, and circles about one centre with evenly spaced balls. 60 % of the balls are left, lost at
@@ -87,7 +87,7 @@ def main(seeds: int = 100) -> int:
     if seeds >= 100:
         text = (__doc__ or "").split("\n", 2)[2].strip()
         REPORT.write_text(
-            f"# Ring pattern\n\nMade by `python -m benchmarks.imaging.ring_patterns`: {seeds} seeds a row. {text}\n\n"
+            f"# Ring pattern\n\nMade by `distalock bench imaging_ring_patterns`: {seeds} seeds a row. {text}\n\n"
             + "\n".join(lines)
             + "\n\nRegular patterns measure as well, or better where a patch is lost, but do not know their\n"
             "own names: what is turned or shifted by a step looks the same. The shipped file is made by\n`python -m "
