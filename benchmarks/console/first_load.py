@@ -3,7 +3,7 @@
 from collections import Counter
 from typing import Final
 
-from playwright.sync_api import Response
+from playwright.sync_api import Request
 
 from benchmarks.common.operating_room import OperatingRoom
 from benchmarks.console.browser import browser, new_context, sign_in
@@ -22,12 +22,13 @@ def measure(site: OperatingRoom) -> Section:
     with browser() as chromium, new_context(chromium) as context:
         page = context.new_page()
 
-        def take(response: Response) -> None:
-            path = response.url.removeprefix(site.installation.ports.rest_url)
+        def take(request: Request) -> None:
+            path = request.url.removeprefix(site.installation.ports.rest_url)
             if path == "/" or path.startswith("/assets/"):
-                loaded[_kind_of(path)] += response.request.sizes()["responseBodySize"]
+                loaded[_kind_of(path)] += request.sizes()["responseBodySize"]
 
-        page.on("response", take)
+        # When it has ended: at the answer's head no size is known. Of the whole context, for workers load files too.
+        context.on("requestfinished", take)
         sign_in(page, site.installation.ports.rest_url, DEMO_USER, site.installation.token)
         operator = ConsoleOperator(page, site.installation.token)
         operator.open_case()
