@@ -105,9 +105,7 @@ def main(images: int = 2000) -> int:
     print("\n".join(lines))
     if images >= 2000:
         text = (__doc__ or "").split("\n", 2)[2].strip()
-        REPORT.write_text(
-            f"# Live mode\n\nMade by `distalock bench live_mode`. {text}\n\n" + "\n".join(lines) + "\n"
-        )
+        REPORT.write_text(f"# Live mode\n\nMade by `distalock bench live_mode`. {text}\n\n" + "\n".join(lines) + "\n")
     return 0
 
 
