@@ -108,7 +108,7 @@ class CaseActions:
             self.shoot(rest)
             raise
         except RequestRefused as refusal:
-            if refusal.problem_code == "image_stale":
+            if refusal.problem_code in ("image_stale", "stale"):
                 self.shoot(rest)
             raise
 

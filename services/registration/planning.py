@@ -119,17 +119,9 @@ def _robot_now(localised: LocalisedFrame, robot: RobotState | None, case: OpenCa
     pose = pose_at_rest(robot)
     if robot is None or pose is None:
         return refused("robot_unknown", "the robot's pose is not known or it is moving; wait until it is locked")
-    if record.robot_pose is None:
-        return refused(
-            "stale",
-            "where the robot stood when the image was made is not certain, for it was moving or had just moved; "
-            "take one more image",
-        )
-    if record.robot_boot_epoch != robot.boot_epoch:
-        return refused("stale", "the robot service has been started anew since the image was made; take one more image")
-    moved = _moved(record.robot_pose, pose, "since the image was made")
-    if moved is not None:
-        return refused("stale", f"{moved}; take one more image")
+    elsewhere = stood_elsewhere(localised, robot)
+    if elsewhere is not None or record.robot_pose is None:
+        return refused("stale", f"{elsewhere}; take one more image")
     if robot.hexapod_sha256 != case.hexapod.sha256:
         return refused(
             "hexapod_mismatch",
@@ -253,12 +245,19 @@ def another_set_up(earlier: LocalisedFrame, newest: LocalisedFrame) -> str | Non
     return _moved(a.robot_pose, b.robot_pose, "since")
 
 
-def moved_since(localised: LocalisedFrame, robot: RobotState | None) -> str | None:
-    """By how much the robot was moved since an image, as a clause; None when it was not, or when that is not known."""
+def stood_elsewhere(localised: LocalisedFrame, robot: RobotState | None) -> str | None:
+    """Why the robot may stand elsewhere than when an image was made, as a clause.
+
+    None when it stands there, and when nobody knows where it stands now.
+    """
     before, now = localised.record.robot_pose, pose_at_rest(robot)
-    if before is None or now is None or robot is None or robot.boot_epoch != localised.record.robot_boot_epoch:
+    if robot is None or now is None:
         return None
-    return _moved(before, now, f"since image {localised.record.image.sha256[:12]} was made")
+    if before is None:
+        return "where the robot stood when the image was made is not certain, for it was moving or had just moved"
+    if localised.record.robot_boot_epoch != robot.boot_epoch:
+        return "the robot service has been started anew since the image was made"
+    return _moved(before, now, "since the image was made")
 
 
 def _moved(before: PlatformPoseMessage, now: PlatformPoseMessage, since: str) -> str | None:

@@ -14,7 +14,7 @@ from services.registration.frames import (
 from services.registration.image_report import localised_frame
 from services.registration.jobs import LocalisationJobs
 from services.registration.live import LiveGuidance
-from services.registration.planning import another_set_up, answer_plan_request, moved_since
+from services.registration.planning import another_set_up, answer_plan_request, stood_elsewhere
 from services.registration.report import verification_message
 from services.registration.settings import RegistrationSettings
 from services.registration.state import RegistrationState
@@ -260,8 +260,12 @@ class RegistrationService:
 
 def _not_of_now(frames: list[LocalisedFrame], robot: RobotState | None) -> VerificationReply | None:
     """Why images do not show where the guide is now, or None."""
-    why = next((moved for frame in frames if (moved := moved_since(frame, robot)) is not None), None)
-    return None if why is None else VerificationReply(code="stale", message=f"{why}; take an image and verify it")
+    for frame in frames:
+        elsewhere = stood_elsewhere(frame, robot)
+        if elsewhere is not None:
+            named = f"image {frame.record.image.sha256[:12]} cannot be verified: {elsewhere}"
+            return VerificationReply(code="stale", message=f"{named}; take an image and verify it")
+    return None
 
 
 def _not_one_set_up(frames: list[LocalisedFrame]) -> VerificationReply | None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 from services.ui_api.core.case import Case
+from services.ui_api.core.guide_moved import UNSEEN
 from services.ui_api.core.operations import Operation
 from services.ui_api.core.procedure import Stage
 from services.ui_api.core.robot_event_data import CommandVerb
@@ -168,7 +169,7 @@ def plain_case(case: Case, names: dict[str, str] | None = None, pending: tuple[O
         guide_moved=None,
         guide_moved_before_motion=None,
         reference_id=None,
-        robot_boot_epoch=None,
+        robot=UNSEEN,
     )
 
 

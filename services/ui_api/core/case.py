@@ -21,7 +21,7 @@ from services.ui_api.core.event_data import (
     VerificationMade,
 )
 from services.ui_api.core.events import Event, EventData
-from services.ui_api.core.guide_moved import BY_A_MOVE, BY_A_REFERENCE, GuideMoved, unwatched
+from services.ui_api.core.guide_moved import BY_A_MOVE, BY_A_REFERENCE, UNSEEN, GuideMoved, RobotWatch
 from services.ui_api.core.inside import TAKEN_OUT, Inside, inside_after
 from services.ui_api.core.procedure import Progress, Stage, Trigger
 from services.ui_api.core.robot_event_data import OperationEnded, OperationRequested, OperationStatus, RobotChanged
@@ -42,13 +42,18 @@ class PlanEntry:
 
 @dataclass(frozen=True, slots=True)
 class StepEntry:
-    """A step that counts, by its number in the case, and what it changed: so that it can be taken back."""
+    """A step that counts, by its number in the case, and what it changed: so that it can be taken back.
+
+    `revision` and `guide_moved` are those of the case then.
+    """
 
     number: int
     recorded: StepRecorded
     before: Progress
     drilled_before: frozenset[str]
     after: Progress
+    revision: int
+    guide_moved: GuideMoved | None
 
     def is_undone_safely(self, now: Progress) -> bool:
         """Whether nothing but images has come since, and nothing was made stale by it."""
@@ -76,7 +81,7 @@ class Case:
     guide_moved: GuideMoved | None = None
     guide_moved_before_motion: GuideMoved | None = None
     reference_id: str | None = None  # of the last reference, as an operation
-    robot_boot_epoch: str | None = None  # of the robot service, when it was last heard of
+    robot: RobotWatch = UNSEEN
     images: tuple[ImageReceived, ...] = ()
     frames_let_go: int = 0
     calibrations: tuple[ImageCalibrated, ...] = ()
@@ -190,11 +195,11 @@ class Case:
         return moved.because if moved is not None and moved.is_after(image, self.images) else None
 
 
-def opened_case(event: Event, data: CaseOpened) -> Case:
-    """The case right after it was opened."""
+def opened_case(event: Event, data: CaseOpened, robot: RobotWatch) -> Case:
+    """The case right after it was opened, beside a robot that was seen so."""
     if event.case_id is None:
         raise ValueError(f"event {event.sequence} opens a case without an id")
-    return Case(event.case_id, event.at_ns, event.at_ns, revision=1, setup=data.setup)
+    return Case(event.case_id, event.at_ns, event.at_ns, revision=1, setup=data.setup, robot=robot)
 
 
 def applied(case: Case, event: Event) -> Case:
@@ -267,12 +272,11 @@ def _(data: ApprovalWithdrawn, case: Case, event: Event) -> Case:  # noqa: ARG00
 
 @_after.register
 def _(data: OperationRequested, case: Case, event: Event) -> Case:  # noqa: ARG001
-    known = replace(case, robot_boot_epoch=data.robot_boot_epoch)
     if data.verb == "reference":
-        return replace(known, reference_id=data.operation_id)
+        return replace(case, reference_id=data.operation_id)
     if data.verb != "move" or data.plan_number is None:
-        return known
-    known = _with_plan(known, data.plan_number, used=True)
+        return case
+    known = _with_plan(case, data.plan_number, used=True)
     known = replace(
         known,
         motions=(*case.motions, data.operation_id),
@@ -300,8 +304,7 @@ def _(data: OperationEnded, case: Case, event: Event) -> Case:  # noqa: ARG001
 
 @_after.register
 def _(data: RobotChanged, case: Case, event: Event) -> Case:  # noqa: ARG001
-    because = unwatched(data, case.robot_boot_epoch)
-    known = replace(case, robot_boot_epoch=data.boot_epoch)
+    known, because = replace(case, robot=case.robot.after(data)), case.robot.unwatched_until(data)
     return known if because is None else _with_guide_moved(known, because)
 
 
@@ -321,7 +324,8 @@ def _(data: QaReported, case: Case, event: Event) -> Case:  # noqa: ARG001
 @_after.register
 def _(data: StepRecorded, case: Case, event: Event) -> Case:  # noqa: ARG001
     done = _with_step(case, data)
-    entry = StepEntry(case.steps_recorded + 1, data, case.progress, case.drilled_hole_ids, done.progress)
+    number, drilled, revision = case.steps_recorded + 1, case.drilled_hole_ids, case.revision
+    entry = StepEntry(number, data, case.progress, drilled, done.progress, revision, case.guide_moved)
     return replace(done, step_entries=(*case.step_entries, entry), steps_recorded=entry.number)
 
 
@@ -330,7 +334,10 @@ def _(data: StepWithdrawn, case: Case, event: Event) -> Case:  # noqa: ARG001
     entry = case.step_entries[-1]
     if entry.number != data.number:
         raise ValueError(f"step {data.number} was withdrawn, but step {entry.number} is the last")
-    progress = replace(case.progress, stage=entry.before.stage, inside=entry.before.inside, seen=False)
+    moved = (case.revision, case.guide_moved) != (entry.revision, entry.guide_moved)
+    # Where the guide was verified or aligned before the step, it may have moved since.
+    before = entry.before.after(Trigger.GUIDE_MAY_HAVE_MOVED) if moved else entry.before
+    progress = replace(case.progress, stage=before.stage, inside=before.inside, seen=False)
     known = replace(case, step_entries=case.step_entries[:-1], drilled_hole_ids=entry.drilled_before)
     return replace(known, progress=progress)
 

@@ -20,6 +20,7 @@ BY_A_RESTART: Final = "the robot service restarted since it was taken"
 _UNWATCHED: Final[Mapping[str, str]] = {
     MotionState.FAULT: "the robot was in fault since it was taken",
     MotionState.DISCONNECTED: "the robot's controller was not connected since it was taken",
+    MotionState.UNREFERENCED: "the robot was without a reference after it was taken",
     MotionState.REFERENCING: BY_A_REFERENCE,
 }
 
@@ -50,16 +51,31 @@ class GuideMoved:
         return image not in images or images.index(image) <= images.index(newest)
 
 
-def unwatched(robot: RobotChanged, boot_epoch: str | None) -> str | None:
-    """Why the guide may have moved, by the robot's condition; None where the robot held it and watched it.
+@dataclass(frozen=True, slots=True)
+class RobotWatch:
+    """The robot as it was last on record, as far as it says whether the guide is watched.
 
-    Parameters
+    Attributes
     ----------
-    robot
-        The robot's new condition.
     boot_epoch
-        The run of the robot service before; None when none was seen in the case.
+        The run of the robot service; None before anything of it was on record.
+    unwatched
+        Why the guide may move now, as a clause that follows an image; None while the robot holds and watches it.
     """
-    if boot_epoch is not None and robot.boot_epoch != boot_epoch:
-        return BY_A_RESTART
-    return _UNWATCHED.get(robot.state)
+
+    boot_epoch: str | None = None
+    unwatched: str | None = None
+
+    def after(self, robot: RobotChanged) -> "RobotWatch":
+        """The same after a change of the robot's condition."""
+        lost = None if robot.referenced else _UNWATCHED[MotionState.UNREFERENCED]
+        return RobotWatch(robot.boot_epoch, _UNWATCHED.get(robot.state, lost))
+
+    def unwatched_until(self, robot: RobotChanged) -> str | None:
+        """Why the guide may have moved until this change of the robot's condition; None when it was watched."""
+        if self.boot_epoch is not None and robot.boot_epoch != self.boot_epoch:
+            return BY_A_RESTART
+        return self.after(robot).unwatched or self.unwatched
+
+
+UNSEEN: Final = RobotWatch()

@@ -14,10 +14,11 @@ from services.ui_api.core.computation_event_data import (
 from services.ui_api.core.computations import Computation
 from services.ui_api.core.event_data import CaseOpened, CasePruned, ImageReceived
 from services.ui_api.core.events import Event, EventKind
+from services.ui_api.core.guide_moved import UNSEEN, RobotWatch
 from services.ui_api.core.image_numbers import NumbersOnRecord
 from services.ui_api.core.inside import Inside
 from services.ui_api.core.operations import Operation, ended, progressed
-from services.ui_api.core.robot_event_data import OperationEnded, OperationProgressed, OperationRequested
+from services.ui_api.core.robot_event_data import OperationEnded, OperationProgressed, OperationRequested, RobotChanged
 
 # What happens by itself, or decides nothing: whoever changes a case need not have seen it.
 _DECIDES_NOTHING: Final = frozenset(
@@ -57,6 +58,8 @@ class Ledger:
     images: dict[str, NumbersOnRecord] = field(default_factory=dict)  # by image store, of all cases and none
     computations: dict[str, Computation] = field(default_factory=dict)
 
+    robot: RobotWatch = UNSEEN  # of the newest event of the robot, of whatever case
+
     _decided: dict[str, int] = field(default_factory=dict)  # by case, the last event by which something was decided
     # Asked for with each state of the robot, when thousands have ended.
     _pending: tuple[Operation, ...] = field(init=False)
@@ -73,6 +76,8 @@ class Ledger:
         self._take_computation(event)
         self._take_image(event)
         self._take_decision(event)
+        if isinstance(event.data, RobotChanged):
+            self.robot = self.robot.after(event.data)
         self.head_sequence = event.sequence
 
     def pass_over(self, sequence: int) -> None:
@@ -93,6 +98,7 @@ class Ledger:
         """Take over another ledger's contents; its head last: who has seen that sees all that belongs to it."""
         self.cases, self.operations, self.images = after.cases, after.operations, after.images
         self.computations, self._decided, self._pending = after.computations, after._decided, after._pending
+        self.robot = after.robot
         self.head_sequence = after.head_sequence
 
     def open_case(self) -> Case | None:
@@ -117,7 +123,7 @@ class Ledger:
         case = self.cases.get(case_id)
         for event in events:
             if event.case_id == case_id:
-                case = _case_with(case, event)
+                case = _case_with(case, event, self.robot)
         if case is None:
             raise KeyError(case_id)
         return case
@@ -134,7 +140,7 @@ class Ledger:
     def _take_case(self, event: Event) -> None:
         if event.case_id is None:
             return
-        case = _case_with(self.cases.get(event.case_id), event)
+        case = _case_with(self.cases.get(event.case_id), event, self.robot)
         if case is not None:
             held = case if self.images_held is None else case.holding(self.images_held)
             self.cases = {**self.cases, event.case_id: held}
@@ -181,9 +187,9 @@ class Ledger:
         self.computations = {**self.computations, data.operation_id: computation}
 
 
-def _case_with(case: Case | None, event: Event) -> Case | None:
+def _case_with(case: Case | None, event: Event, robot: RobotWatch) -> Case | None:
     if isinstance(event.data, CaseOpened):
-        return opened_case(event, event.data)
+        return opened_case(event, event.data, robot)
     return None if case is None else applied(case, event)
 
 

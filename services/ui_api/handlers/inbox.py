@@ -88,6 +88,7 @@ class Inbox:
         self._run: FluoroscopyRun[bytes] = FluoroscopyRun(run_calibrations)
         self._run_interval_s = _IDLE_S
         self._ended = False
+        self._robot_is_missed = False  # its newest condition found no place in the queue
         self._closing = threading.Event()
         self.blocked: str | None = None
         self._thread = supervised_thread("inbox", self._work)
@@ -187,9 +188,9 @@ class Inbox:
     def _robot_state(self, sample: Sample) -> None:
         """On the bus's thread, so that the newest state never waits for the record."""
         state = decode(RobotState, sample.payload)
-        changed = self._view.note(state)
-        if changed:
-            self._put(lambda: self._robot_changed(state))
+        changed = self._view.note(state) or self._robot_is_missed
+        if changed:  # where the queue is full, with the next state that finds a place
+            self._robot_is_missed = not self._put_if_possible(lambda: self._robot_changed(state))
         if changed or self._record.ledger.pending_operations():
             self._put(lambda: self._commands.follow(state))
 

@@ -32,6 +32,7 @@ T = TypeVar("T")
 _FORGET_EVERY = 100
 # Chosen: each keeps one of the application's forty threads for up to a minute; what is about the robot needs them too.
 MOST_ASKING: Final = 16
+MOST_REPEATS: Final = 4
 _ASK_AGAIN_AFTER_S: Final = 1.0
 _NO_HEADERS: Final[Mapping[str, str]] = {}
 
@@ -92,18 +93,12 @@ class Idempotency:
 
     def once_after(self, request: Keyed, ask: Callable[[], T], act: Callable[[UnitOfWork, T], Answer]) -> Response:
         """Ask another service first, outside the transaction, then record and answer within one; raises `Refused`."""
-        if not self._places.acquire(blocking=False):
-            raise Refused(
-                RefusalKind.UNAVAILABLE,
-                "gateway_busy",
-                f"{MOST_ASKING} requests wait for registration or imaging (limit {MOST_ASKING}); try again when one "
-                "has ended, or do not wait for it (POST .../operations)",
-                _ASK_AGAIN_AFTER_S,
-            )
-        try:
-            return self._once(request, ask, act)
-        finally:
-            self._places.release()
+
+        def ask_in_a_place() -> T:
+            with self._place():
+                return ask()
+
+        return self._once(request, ask_in_a_place, act)
 
     def _once(self, request: Keyed, ask: Callable[[], T], act: Callable[[UnitOfWork, T], Answer]) -> Response:
         with self._alone(request.key):
@@ -141,9 +136,21 @@ class Idempotency:
                 self._record.forget_old_answers()
 
     @contextmanager
+    def _place(self) -> Iterator[None]:
+        """One of the places for who waits for another service; raises `Refused`."""
+        if not self._places.acquire(blocking=False):
+            raise _busy(f"{MOST_ASKING} requests wait for registration or imaging (limit {MOST_ASKING})")
+        try:
+            yield
+        finally:
+            self._places.release()
+
+    @contextmanager
     def _alone(self, key: str) -> Iterator[None]:
-        """Nobody else handles the same key meanwhile."""
+        """Nobody else handles the same key meanwhile; raises `Refused` where too many wait for that."""
         with self._guard:
+            if self._waiting[key] > MOST_REPEATS:
+                raise _busy(f"{MOST_REPEATS} repeats of this request wait for its answer (limit {MOST_REPEATS})")
             self._waiting[key] += 1
             lock = self._locks.setdefault(key, threading.Lock())
         try:
@@ -154,6 +161,11 @@ class Idempotency:
                 self._waiting[key] -= 1
                 if self._waiting[key] == 0:
                     del self._waiting[key], self._locks[key]
+
+
+def _busy(what: str) -> Refused:
+    remedy = "try again when one has ended, or do not wait for it (POST .../operations)"
+    return Refused(RefusalKind.UNAVAILABLE, "gateway_busy", f"{what}; {remedy}", _ASK_AGAIN_AFTER_S)
 
 
 def _response(answer: Answer) -> Response:

@@ -14,6 +14,7 @@ from services.ui_api.core.event_data import (
     StepRecorded,
 )
 from services.ui_api.core.events import Event
+from services.ui_api.core.guide_moved import UNSEEN
 from services.ui_api.core.inside import Inside, ObjectKind
 from services.ui_api.core.ledger import Ledger
 from services.ui_api.core.procedure import Aim, Stage
@@ -155,7 +156,7 @@ def test_events_are_taken_in_their_order(log: Log) -> None:
 def test_a_case_is_not_opened_without_an_id() -> None:
     data = CaseOpened(samples.case_setup())
     with pytest.raises(ValueError, match="event 1 opens a case without an id"):
-        opened_case(Event(1, 1, None, "test", "", data), data)
+        opened_case(Event(1, 1, None, "test", "", data), data, UNSEEN)
 
 
 def _frame(number: int) -> ImageReceived:

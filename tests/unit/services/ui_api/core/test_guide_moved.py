@@ -4,8 +4,15 @@ from dataclasses import replace
 
 import pytest
 
-from services.ui_api.core.event_data import CaseOpened, SetupChanged, VerificationMade
-from services.ui_api.core.events import EventData
+from services.ui_api.core.event_data import (
+    CaseOpened,
+    SetupChanged,
+    Step,
+    StepRecorded,
+    StepWithdrawn,
+    VerificationMade,
+)
+from services.ui_api.core.events import Event, EventData
 from services.ui_api.core.guide_moved import BY_A_MOVE, BY_A_REFERENCE, BY_A_RESTART, GuideMoved
 from services.ui_api.core.procedure import Stage
 from services.ui_api.core.robot_event_data import OperationStatus, RobotChanged
@@ -111,3 +118,37 @@ def test_an_image_that_was_missed_counts_by_its_number(log: Log) -> None:
     case = log.case
     assert case.guide_moved_since(samples.sha("missed")) == "the robot was in fault since it was taken"
     assert case.guide_moved_since(samples.sha("three")) is None
+
+
+@pytest.mark.parametrize("state", ["fault", "disconnected", "referencing"])
+def test_a_guide_is_watched_again_only_when_the_robot_holds_it(log: Log, state: str) -> None:
+    log.add(_robot(state), image("meanwhile", 2), replace(_verified("meanwhile"), number=2))
+    case = log.add(_robot("locked"))
+    assert case.progress.stage is Stage.POSITIONING
+    assert case.guide_moved_since(samples.sha("meanwhile")) is not None
+
+
+def test_a_robot_that_has_lost_its_reference_was_not_watched(log: Log) -> None:
+    case = log.add(replace(_robot("stopped"), referenced=False))
+    assert case.guide_moved_since(samples.sha("one")) == "the robot was without a reference after it was taken"
+
+
+def test_a_restart_is_noticed_in_a_case_that_was_opened_beside_a_robot_at_rest() -> None:
+    log = Log()
+    log.ledger.take(Event(1, 1, None, "robot", "", _ROBOT))
+    log.add(CaseOpened(samples.case_setup()), image("one", 1), _verified("one"))
+    assert log.case.progress.stage is Stage.VERIFIED
+    log.add(asked_for("acknowledge_stop", "op"))  # by whom has seen the new run before its state is on record
+    case = log.add(_robot("stopped", "boot-2"))
+    assert (case.progress.stage, case.guide_moved_since(samples.sha("one"))) == (Stage.POSITIONING, BY_A_RESTART)
+
+
+@pytest.mark.requirement("GW-04")
+@pytest.mark.parametrize("step", [Step.DRILLED, Step.ROBOT_REMOVED])
+@pytest.mark.parametrize("meanwhile", [_robot("fault"), SetupChanged(2, samples.case_setup()), None])
+def test_a_step_that_is_withdrawn_gives_back_no_verification_from_before(
+    log: Log, step: Step, meanwhile: EventData | None
+) -> None:
+    log.add(StepRecorded(step, (), False, ""), *(() if meanwhile is None else (meanwhile,)))
+    case = log.add(StepWithdrawn(1, step))
+    assert case.progress.stage is (Stage.VERIFIED if meanwhile is None else Stage.POSITIONING)

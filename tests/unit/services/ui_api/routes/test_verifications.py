@@ -20,6 +20,11 @@ def _verify(room: Room, case_id: str, name: str) -> tuple[int, str]:
     return answer.status_code, answer.json().get("code", answer.json().get("verdict"))
 
 
+def _plan(room: Room, case_id: str, key: str) -> tuple[int, str]:
+    answer = room.post(f"/cases/{case_id}/plans", {"localisation": 1, "hole_ids": ["distal"]}, key)
+    return answer.status_code, answer.text
+
+
 def _stage(room: Room, case_id: str) -> tuple[str, str]:
     procedure = room.get(f"/cases/{case_id}").json()["procedure"]
     return procedure["stage"], procedure["next"]
@@ -76,11 +81,13 @@ def test_a_mount_that_moved_while_registration_compared_leaves_nothing_verified(
 def test_who_waits_for_registration_leaves_threads_to_the_robot(room: Room) -> None:
     """Each verification keeps a thread for as long as registration computes."""
     room.image("image", case_id := room.open_case())
+    first = _plan(room, case_id, "answered before")
     room.registration.hold.clear()
     with ThreadPoolExecutor(THREADS) as pool:
         begun = [pool.submit(_verify, room, case_id, "image") for _ in range(THREADS)]
         wait_until(lambda: sum(one.done() for one in begun) == THREADS - MOST_ASKING)
         assert {one.result() for one in begun if one.done()} == {(503, "gateway_busy")}
+        assert _plan(room, case_id, "answered before") == first, "who asks again needs no place"
         refused = room.client.put("/api/v1/operations/none/lease", timeout=5.0)
         assert (refused.status_code, refused.json()["code"]) == (404, "operation_not_found")
         assert room.post("/robot/acknowledge-stop").status_code == 202
