@@ -7,7 +7,7 @@ from functools import cache
 from services.ui_api.core.case import Case
 from services.ui_api.core.guide_moved import UNSEEN
 from services.ui_api.core.operations import Operation
-from services.ui_api.core.procedure import Stage
+from services.ui_api.core.procedure import Aim, Stage
 from services.ui_api.core.robot_event_data import CommandVerb
 from shared.messages.robot import MotionState, RobotState, StopLatch
 from tests.model.labels import EARLIER_BOOT, NOW_S, PERIOD_S, Quote, quote_of
@@ -160,12 +160,12 @@ def plain_case(case: Case, names: dict[str, str] | None = None, pending: tuple[O
     return replace(
         case,
         changed_at_ns=0,
-        progress=replace(case.progress, seen=False),
+        progress=replace(case.progress, seen=False, aim=Aim.NONE),
         motions=tuple(m for m in motions if m in waits),
         stage_before_motion=case.stage_before_motion if moving else Stage.POSITIONING,
         step_entries=(),
         steps_recorded=0,
-        # There are no images in the model, of which the guide's place would tell anything.
+        # Every image of the model is of now: it lets more motions pass than the gateway does.
         guide_moved=None,
         guide_moved_before_motion=None,
         reference_id=None,

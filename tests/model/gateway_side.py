@@ -134,7 +134,7 @@ class GatewaySide:
 
     def plan_anew(self, memory: GatewayMemory) -> Acted | None:
         """An image is taken and localised, a plan made and approved."""
-        case = replace(memory.case, images=(), localisations=(), plans=())
+        case = replace(memory.case, images=(), localisations=(), localised_at_ns=(), plans=())
 
         def act(unit: UnitOfWork) -> None:
             self._planning.approve(unit, self._case(), 1, APPROVER)
