@@ -21,7 +21,14 @@ from services.ui_api.core.event_data import (
     VerificationMade,
 )
 from services.ui_api.core.events import Event, EventData
-from services.ui_api.core.guide_moved import BY_A_MOVE, BY_A_REFERENCE, UNSEEN, GuideMoved, RobotWatch
+from services.ui_api.core.guide_moved import (
+    BY_A_CHANGED_SET_UP,
+    BY_A_MOVE,
+    BY_A_REFERENCE,
+    UNSEEN,
+    GuideMoved,
+    RobotWatch,
+)
 from services.ui_api.core.inside import TAKEN_OUT, Inside, inside_after
 from services.ui_api.core.procedure import Progress, Stage, Trigger
 from services.ui_api.core.robot_event_data import OperationEnded, OperationRequested, OperationStatus, RobotChanged
@@ -44,7 +51,7 @@ class PlanEntry:
 class StepEntry:
     """A step that counts, by its number in the case, and what it changed: so that it can be taken back.
 
-    `revision` and `guide_moved` are those of the case then.
+    `guide_moved` is that of the case then.
     """
 
     number: int
@@ -52,7 +59,6 @@ class StepEntry:
     before: Progress
     drilled_before: frozenset[str]
     after: Progress
-    revision: int
     guide_moved: GuideMoved | None
 
     def is_undone_safely(self, now: Progress) -> bool:
@@ -182,17 +188,13 @@ class Case:
         return self.guide_moved_since(image_sha256)
 
     def guide_moved_since(self, image_sha256: str) -> str | None:
-        """Why an image no longer shows where the guide is, as a clause; None while it does, or of an unknown image.
-
-        An image that came twice is from when it came first.
-        """
-        image = next((i for i in self.images if i.image_sha256 == image_sha256), None)
+        """Why an image no longer shows where the guide is, as a clause; None while it does, or of an unknown image."""
+        image, moved = self.image(image_sha256), self.guide_moved
         if image is None:
             return None
-        if image.case_revision != self.revision:
-            return f"it was taken at set-up revision {image.case_revision}, and the set-up is now at {self.revision}"
-        moved = self.guide_moved
-        return moved.because if moved is not None and moved.is_after(image, self.images) else None
+        if moved is not None and moved.is_after(image):
+            return moved.because
+        return None if image.case_revision == self.revision else BY_A_CHANGED_SET_UP
 
 
 def opened_case(event: Event, data: CaseOpened, robot: RobotWatch) -> Case:
@@ -218,7 +220,9 @@ def _after(data: EventData, case: Case, event: Event) -> Case:  # noqa: ARG001 -
 
 @_after.register
 def _(data: SetupChanged, case: Case, event: Event) -> Case:  # noqa: ARG001
-    return _moved(replace(case, revision=data.revision, setup=data.setup), Trigger.SETUP_CHANGED)
+    moved = _guide_moved(case, BY_A_CHANGED_SET_UP)
+    known = replace(case, revision=data.revision, setup=data.setup, guide_moved=moved)
+    return _moved(known, Trigger.SETUP_CHANGED)
 
 
 @_after.register
@@ -324,8 +328,8 @@ def _(data: QaReported, case: Case, event: Event) -> Case:  # noqa: ARG001
 @_after.register
 def _(data: StepRecorded, case: Case, event: Event) -> Case:  # noqa: ARG001
     done = _with_step(case, data)
-    number, drilled, revision = case.steps_recorded + 1, case.drilled_hole_ids, case.revision
-    entry = StepEntry(number, data, case.progress, drilled, done.progress, revision, case.guide_moved)
+    number, drilled = case.steps_recorded + 1, case.drilled_hole_ids
+    entry = StepEntry(number, data, case.progress, drilled, done.progress, case.guide_moved)
     return replace(done, step_entries=(*case.step_entries, entry), steps_recorded=entry.number)
 
 
@@ -334,8 +338,8 @@ def _(data: StepWithdrawn, case: Case, event: Event) -> Case:  # noqa: ARG001
     entry = case.step_entries[-1]
     if entry.number != data.number:
         raise ValueError(f"step {data.number} was withdrawn, but step {entry.number} is the last")
-    moved = (case.revision, case.guide_moved) != (entry.revision, entry.guide_moved)
     # Where the guide was verified or aligned before the step, it may have moved since.
+    moved = case.guide_moved != entry.guide_moved
     before = entry.before.after(Trigger.GUIDE_MAY_HAVE_MOVED) if moved else entry.before
     progress = replace(case.progress, stage=before.stage, inside=before.inside, seen=False)
     known = replace(case, step_entries=case.step_entries[:-1], drilled_hole_ids=entry.drilled_before)
@@ -369,7 +373,8 @@ def _with_plan(case: Case, number: int, *, approval: PlanApproved | None = None,
 
 
 def _guide_moved(case: Case, because: str) -> GuideMoved:
-    return GuideMoved(case.images[-1] if case.images else None, because)
+    known = frozenset(image.image_sha256 for image in case.images)
+    return GuideMoved(because, case.images[-1] if case.images else None, known)
 
 
 def _with_guide_moved(case: Case, because: str) -> Case:

@@ -4,7 +4,7 @@ An image from before shows where the guide was. A plan, a verification and a hol
 from after it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,6 +14,7 @@ from shared.robot_states import MotionState
 
 BY_A_MOVE: Final = "the robot has moved since it was taken"
 BY_A_REFERENCE: Final = "the robot was referenced since it was taken"
+BY_A_CHANGED_SET_UP: Final = "the set-up was changed since it was taken"
 BY_A_RESTART: Final = "the robot service restarted since it was taken"
 
 # In these states nobody knows whether the brakes hold the guide where it was.
@@ -31,24 +32,21 @@ class GuideMoved:
 
     Attributes
     ----------
-    newest
-        The newest image of the case then; None when there was none.
     because
         How, as a clause that follows an image: "the robot has moved since it was taken".
+    newest
+        The newest image of the case then; None when there was none.
+    known
+        Hashes of the images that the case had then: one that is sent again is from when it came first.
     """
 
-    newest: ImageReceived | None
     because: str
+    newest: ImageReceived | None
+    known: frozenset[str]
 
-    def is_after(self, image: ImageReceived, images: Sequence[ImageReceived]) -> bool:
-        """Whether an image is from before; `images` are those of the case, in their order."""
-        newest = self.newest
-        if newest is None or newest.precedes(image):
-            return False
-        if image == newest or image.precedes(newest) or newest not in images:
-            return image == newest or image.precedes(newest)
-        # Of two stores, or of records of older versions: no numbers say which came first.
-        return image not in images or images.index(image) <= images.index(newest)
+    def is_after(self, image: ImageReceived) -> bool:
+        """Whether an image is from before, by what was known then or, of one that was missed, by its number."""
+        return image.image_sha256 in self.known or (self.newest is not None and image.precedes(self.newest))
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from services.ui_api.core.event_data import (
     VerificationMade,
 )
 from services.ui_api.core.events import Event, EventData
-from services.ui_api.core.guide_moved import BY_A_MOVE, BY_A_REFERENCE, BY_A_RESTART, GuideMoved
+from services.ui_api.core.guide_moved import BY_A_CHANGED_SET_UP, BY_A_MOVE, BY_A_REFERENCE, BY_A_RESTART
 from services.ui_api.core.procedure import Stage
 from services.ui_api.core.robot_event_data import OperationStatus, RobotChanged
 from tests.unit.services.ui_api import samples
@@ -94,11 +94,12 @@ def test_a_fault_before_a_motion_that_never_began_is_not_forgotten(log: Log) -> 
 
 
 def test_an_image_of_another_set_up_shows_no_place_of_now(log: Log) -> None:
-    case = log.add(SetupChanged(2, samples.case_setup()))
-    assert case.guide_moved_since(samples.sha("one")) == (
-        "it was taken at set-up revision 1, and the set-up is now at 2"
-    )
+    log.add(SetupChanged(2, samples.case_setup()), image("late", 2, revision=1))
+    for name in ("one", "late"):
+        assert log.case.guide_moved_since(samples.sha(name)) == BY_A_CHANGED_SET_UP
     assert log.add(_verified("one")).progress.stage is Stage.POSITIONING
+    assert log.add(image("one", 3, revision=2), _verified("one")).progress.stage is Stage.POSITIONING, "sent again"
+    assert log.add(image("two", 4, revision=2), _verified("two")).progress.stage is Stage.VERIFIED
 
 
 def test_an_image_that_is_sent_again_is_from_when_it_came_first(log: Log) -> None:
@@ -106,11 +107,11 @@ def test_an_image_that_is_sent_again_is_from_when_it_came_first(log: Log) -> Non
     assert case.guide_moved_since(samples.sha("one")) == "the robot was in fault since it was taken"
 
 
-def test_images_without_numbers_are_in_the_order_of_the_record() -> None:
-    one, two, three = (replace(image(name, 0), store_id=None, sequence=None) for name in ("one", "two", "three"))
-    moved = GuideMoved(two, BY_A_MOVE)
-    assert [moved.is_after(each, (one, two, three)) for each in (one, two, three)] == [True, True, False]
-    assert not GuideMoved(None, BY_A_MOVE).is_after(one, (one,))
+def test_images_without_numbers_are_from_before_when_they_were_known_then(log: Log) -> None:
+    """Of records of older versions."""
+    case = log.add(image("old"), _robot("fault"), image("new"))
+    assert case.guide_moved_since(samples.sha("old")) == "the robot was in fault since it was taken"
+    assert case.guide_moved_since(samples.sha("new")) is None
 
 
 def test_an_image_that_was_missed_counts_by_its_number(log: Log) -> None:
