@@ -3,7 +3,9 @@
 import sqlite3
 from pathlib import Path
 
-from shared.messages.robot import CommandReply, MoveCommand
+import pytest
+
+from shared.messages.robot import CommandReply, MotionState, MoveCommand
 from tests.unit.services.ui_api.fakes import PATIENCE_S
 from tests.unit.services.ui_api.room import open_room, wait_until
 
@@ -77,3 +79,18 @@ def test_frames_that_had_to_wait_are_recorded_together(tmp_path: Path) -> None:
         room.log.wait_for(lambda: ledger.cases[case_id].image(headers[-1].sha256) is not None)
         assert [image.image_sha256 for image in ledger.cases[case_id].images] == [one.sha256 for one in headers]
         assert len(units) < 10
+
+
+def test_a_fault_that_found_no_place_is_recorded_with_a_later_state(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with open_room(tmp_path) as room:
+        inbox, ledger = room.gateway.inbox, room.gateway.record.ledger
+        monkeypatch.setattr(inbox._queue, "put", lambda _: False)
+        room.robot.say(MotionState.FAULT)
+        wait_until(lambda: (seen := room.gateway.view.newest()) is not None and seen.state.state is MotionState.FAULT)
+        monkeypatch.undo()
+        head = ledger.head_sequence
+        room.robot.say(MotionState.FAULT)  # nothing of its condition has changed
+        room.log.wait_for_event(lambda e: e.sequence > head and getattr(e.data, "state", "") == "fault")
+        assert ledger.robot.unwatched == "the robot was in fault since it was taken"
