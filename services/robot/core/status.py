@@ -25,6 +25,7 @@ Outcome = Literal["none", "moving", "reached", "stopped", "failed"]
 
 UNDER_WAY = (MotionState.MOVING, MotionState.REFERENCING)
 ACKNOWLEDGEMENTS = (Event.ACKNOWLEDGE_REFERENCED, Event.ACKNOWLEDGE_UNREFERENCED)
+_HELD = frozenset({MotionState.LOCKED, MotionState.STOPPED})
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +56,8 @@ class DriveStatus:
     command_id, outcome, deviation
         The command under way, or the last one, and how it ended.
     held
-        Where the robot was when it was first seen locked in the present state; None in states that need not hold it.
+        Where the robot was when it was first seen locked, also while a stop that came then is in force and after it;
+        None in states that need not hold it.
     stop_button
         The button on the controller itself.
     stops
@@ -97,7 +99,8 @@ class DriveStatus:
             generation=self.generation + 1,
             stops=self.stops + int(stop_is_latched(state)),
             outcome=_outcome_after(self.outcome, event, state),
-            held=None,
+            # A stop at rest lets nothing go: the guide stays where it was locked, until and after it is acknowledged.
+            held=self.held if {self.state, state} <= _HELD else None,
             stop_button=after_acknowledgement(self.stop_button) if event in ACKNOWLEDGEMENTS else self.stop_button,
         )
 
@@ -162,10 +165,10 @@ def _while_referencing(status: DriveStatus, feedback: ControllerFeedback, now_s:
 
 def _while_held(status: DriveStatus, feedback: ControllerFeedback) -> tuple[DriveStatus, ExplainedEvent | None]:
     """Where it was locked the robot must stay: that is what makes it a guide."""
-    if status.state is not MotionState.LOCKED:
-        return status, None
     if status.held is not None:
         return status, check_held(status.held, feedback)
+    if status.state is not MotionState.LOCKED:
+        return status, None
     return _read_back(replace(status, held=feedback.pose), feedback)
 
 

@@ -276,6 +276,21 @@ def test_a_locked_robot_that_shifts_is_a_fault(room: Room) -> None:
     assert "the locked robot has moved by 0.300 mm" in state.detail
 
 
+@pytest.mark.requirement("ROB-12")
+@pytest.mark.parametrize("acknowledged", [False, True])
+def test_a_robot_that_shifts_while_a_stop_is_in_force_is_a_fault(room: Room, acknowledged: bool) -> None:  # noqa: FBT001 - a case of the test
+    room.ready_with_plan()
+    room.wait(lambda s: s.state is MotionState.LOCKED and s.pose is not None)
+    room.ask("stop", STOP)
+    room.wait(lambda s: s.state is MotionState.STOPPED and s.locked)
+    if acknowledged:
+        assert room.acknowledge().verdict == "accepted"
+        room.wait(lambda s: s.state is MotionState.LOCKED)
+    room.controller.feedback = replace(room.controller.feedback, pose=PlatformPose(0.0, 0.0, -0.3, 0.0, 0.0, 0.0))
+    state = room.wait(lambda s: s.state is MotionState.FAULT)
+    assert "the locked robot has moved by 0.300 mm" in state.detail
+
+
 def test_a_stop_button_goes_through_its_states(room: Room) -> None:
     room.make_ready()
     room.wait(lambda s: s.stop_button is StopButton.CLEAR)
