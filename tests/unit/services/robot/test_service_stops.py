@@ -257,15 +257,17 @@ def test_leaving_during_a_move_locks() -> None:
 
 
 def test_it_does_not_move_what_it_found_elsewhere(room: Room) -> None:
-    plan_json = room.ready_with_plan()
+    room.ready_with_plan()
     room.ask("stop", encode(StopCommand(client="gateway")))
     room.wait(lambda s: s.state is MotionState.STOPPED and s.locked)
     elsewhere = PlatformPose(0.1, 0.0, 0.0, 0.0, 0.0, 0.0)
     room.controller.feedback = replace(room.controller.feedback, pose=elsewhere)
-    room.wait(lambda s: s.pose is not None and s.pose.x_mm == 0.1)
+    room.wait(lambda s: s.state is MotionState.FAULT)  # it has shifted; somebody looks, and resets it there
+    assert room.ask("reset", encode(PlainCommand(verb="reset", envelope=room.envelope()))).verdict == "accepted"
+    room.wait(lambda s: s.state is MotionState.STOPPED and s.locked and s.pose is not None and s.pose.x_mm == 0.1)
     assert room.acknowledge().verdict == "accepted"
     room.wait(lambda s: s.state is MotionState.LOCKED and s.locked)
-    assert room.until_known(plan_json).code == "start_pose_differs"
+    assert room.until_known(room.publish_plan(shift_mm=2.0)).code == "start_pose_differs"
 
 
 @pytest.mark.requirement("ROB-12")

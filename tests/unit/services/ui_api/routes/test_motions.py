@@ -173,7 +173,7 @@ def test_motion_from_an_unreferenced_robot_moves_nothing(room: Room) -> None:
     plan = room.approved_plan(case_id := room.open_case())
     room.robot.say(MotionState.UNREFERENCED)
     room.log.wait_for_event(lambda e: getattr(e.data, "state", "") == "unreferenced")
-    _assert_refused(room, case_id, plan, "robot_not_ready")
+    assert "without a reference" in _assert_refused(room, case_id, plan, "plan_stale")
 
 
 def test_a_plan_moves_once(room: Room) -> None:
