@@ -18,25 +18,35 @@ _KB: Final = 1e3
 
 def measure(site: OperatingRoom) -> Section:
     """Bodies as they come over the wire, of the page's own files."""
-    loaded: Counter[str] = Counter()
+    ended: list[Request] = []
     with browser() as chromium, new_context(chromium) as context:
         page = context.new_page()
 
-        def take(request: Request) -> None:
-            path = request.url.removeprefix(site.installation.ports.rest_url)
-            if path == "/" or path.startswith("/assets/"):
-                loaded[_kind_of(path)] += request.sizes()["responseBodySize"]
+        def note(request: Request) -> None:
+            ended.append(request)
 
-        # When it has ended: at the answer's head no size is known. Of the whole context, for workers load files too.
-        context.on("requestfinished", take)
+        # Of the whole context, for workers load files too; at its end, for an answer's head does not know the size.
+        context.on("requestfinished", note)
         sign_in(page, site.installation.ports.rest_url, DEMO_USER, site.installation.token)
         operator = ConsoleOperator(page, site.installation.token)
         operator.open_case()
         operator.run_until(lambda one: (one.phase, one.next_action) == ("plan", "request_plan"))
         page.wait_for_selector(".scene-picture canvas")
         page.wait_for_timeout(1_000)
+        loaded: Counter[str] = Counter()
+        for request in tuple(ended):
+            path = request.url.removeprefix(site.installation.ports.rest_url)
+            if path == "/" or path.startswith("/assets/"):
+                loaded[_kind_of(path)] += _size(request)
         operator.abandon()
     return section_of(loaded)
+
+
+def _size(request: Request) -> int:
+    """Bytes of an answer's body; of a worker's file the browser says no more than the answer's own length."""
+    response = request.response()
+    stated = None if response is None else response.header_value("content-length")
+    return request.sizes()["responseBodySize"] or int(stated or 0)
 
 
 def _kind_of(path: str) -> str:
