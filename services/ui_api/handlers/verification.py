@@ -58,7 +58,7 @@ class VerificationHandler:
         if made is None or stale is not None:
             by_registration = (reply.code or "no_verification", reply.message)
             refusal = VerificationRefused(images, *(by_registration if stale is None else (stale.code, str(stale))))
-            unit.append(EventDraft(refusal, case_id, "registration"))
+            unit.append(EventDraft(refusal, case_id, "registration" if stale is None else "gateway"))
             return refusal
         number = len(case.verifications) + 1
         codes = tuple(reason.code.value for reason in made.reasons)
@@ -79,7 +79,8 @@ def _stale(case: Case, images: tuple[str, ...]) -> Refused | None:
     for image in images:
         because = case.guide_moved_since(image)
         if because is not None:
-            return conflict("image_stale", f"image {image[:12]} is of before: {because}; take an image and verify it")
+            what = f"image {image[:12]} no longer shows where the guide is"
+            return conflict("image_stale", f"{what}: {because}; take an image and verify that one")
     return None
 
 

@@ -139,7 +139,10 @@ class Idempotency:
     def _place(self) -> Iterator[None]:
         """One of the places for who waits for another service; raises `Refused`."""
         if not self._places.acquire(blocking=False):
-            raise _busy(f"{MOST_ASKING} requests wait for registration or imaging (limit {MOST_ASKING})")
+            raise _busy(
+                f"{MOST_ASKING} requests wait for registration or imaging (limit {MOST_ASKING}); try again when one "
+                "has ended, or do not wait for it (POST .../operations)"
+            )
         try:
             yield
         finally:
@@ -150,7 +153,10 @@ class Idempotency:
         """Nobody else handles the same key meanwhile; raises `Refused` where too many wait for that."""
         with self._guard:
             if self._waiting[key] > MOST_REPEATS:
-                raise _busy(f"{MOST_REPEATS} repeats of this request wait for its answer (limit {MOST_REPEATS})")
+                raise _busy(
+                    f"{MOST_REPEATS} repeats of this request wait for its answer (limit {MOST_REPEATS}); send it again "
+                    "when the first is answered"
+                )
             self._waiting[key] += 1
             lock = self._locks.setdefault(key, threading.Lock())
         try:
@@ -163,9 +169,8 @@ class Idempotency:
                     del self._waiting[key], self._locks[key]
 
 
-def _busy(what: str) -> Refused:
-    remedy = "try again when one has ended, or do not wait for it (POST .../operations)"
-    return Refused(RefusalKind.UNAVAILABLE, "gateway_busy", f"{what}; {remedy}", _ASK_AGAIN_AFTER_S)
+def _busy(message: str) -> Refused:
+    return Refused(RefusalKind.UNAVAILABLE, "gateway_busy", message, _ASK_AGAIN_AFTER_S)
 
 
 def _response(answer: Answer) -> Response:

@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from services.ui_api.core.events import EventKind
-from services.ui_api.routes.idempotency import MOST_ASKING
+from services.ui_api.routes.idempotency import MOST_ASKING, MOST_REPEATS
 from shared.messages.robot import MotionState, StopLatch
 from tests.unit.services.ui_api import samples
 from tests.unit.services.ui_api.fakes import PATIENCE_S
@@ -73,7 +73,7 @@ def test_a_mount_that_moved_while_registration_compared_leaves_nothing_verified(
         room.registration.hold.set()
         if path == "verifications":
             assert (answer.result().status_code, answer.result().json()["code"]) == (409, "image_stale")
-    room.log.wait_for_event(lambda e: e.kind is EventKind.VERIFICATION_REFUSED)
+    room.log.wait_for_event(lambda e: e.kind is EventKind.VERIFICATION_REFUSED and e.who == "gateway")
     assert _stage(room, case_id)[0] == "positioning"
     assert room.get(f"/cases/{case_id}/verifications").json()["items"] == []
 
@@ -92,6 +92,21 @@ def test_who_waits_for_registration_leaves_threads_to_the_robot(room: Room) -> N
         assert (refused.status_code, refused.json()["code"]) == (404, "operation_not_found")
         assert room.post("/robot/acknowledge-stop").status_code == 202
         room.registration.hold.set()
+
+
+def test_repeats_of_a_request_that_is_not_answered_are_few(room: Room) -> None:
+    """Each waits for the first one's answer, with a thread of its own."""
+    room.image("image", case_id := room.open_case())
+    room.registration.hold.clear()
+    with ThreadPoolExecutor(THREADS) as pool:
+        begun = [pool.submit(_plan, room, case_id, "the same") for _ in range(12)]
+        wait_until(lambda: sum(one.done() for one in begun) == 12 - 1 - MOST_REPEATS)
+        refused = [one.result() for one in begun if one.done()]
+        room.registration.hold.set()
+    assert {status for status, _ in refused} == {503}
+    assert all("send it again when the first is answered" in text for _, text in refused)
+    assert {status for status, _ in (one.result() for one in begun)} == {503, 201}
+    assert len(room.registration.plan_requests) == 1
 
 
 def test_a_robot_that_nobody_supervises_is_seen_to_before_anybody_drills(room: Room) -> None:
