@@ -69,6 +69,10 @@ class RegistrationMonitor:
         except InputError:
             with self._lock:
                 self.view = self.view.without_case()
+            self._drive.supervision_lost(
+                "what is in the bone is not known: the report of the open case cannot be read; run services of one "
+                "version"
+            )
             raise
         inside = message_mapping.inside(context)
         with self._lock:

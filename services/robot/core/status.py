@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Literal, assert_never
 
-from services.robot.core.controller_feedback import ControllerFeedback
+from services.robot.core.controller_feedback import ControllerError, ControllerFeedback
 from services.robot.core.deviation import Deviation, deviation
 from services.robot.core.motion import Event, next_motion, stop_is_latched
 from services.robot.core.refusals import Refusal, RefusalCode, refusal
@@ -16,6 +16,7 @@ from services.robot.core.supervision import (
     check_held,
     check_moving,
     check_referencing,
+    reported_error,
 )
 from services.robot.core.tuning import SUPERVISION
 from shared.geometry.hexapod import PlatformPose
@@ -95,7 +96,8 @@ class DriveStatus:
         return replace(
             self,
             state=state,
-            detail=detail,
+            # People press stop in fault as well: what is wrong, and what to do about it, must stand until the reset.
+            detail=self.detail if event is Event.STOP and self.state is MotionState.FAULT else detail,
             generation=self.generation + 1,
             stops=self.stops + int(stop_is_latched(state)),
             outcome=_outcome_after(self.outcome, event, state),
@@ -139,10 +141,36 @@ def with_feedback(
         case MotionState.LOCKED | MotionState.UNREFERENCED | MotionState.STOPPED:
             finding = check_at_rest(status.state, feedback)
             return (status, finding) if finding else _while_held(status, feedback)
-        case MotionState.FAULT | MotionState.DISCONNECTED:
+        case MotionState.FAULT:
+            return _with_further_error(status, feedback.error), None
+        case MotionState.DISCONNECTED:
             return status, None
         case _:
             assert_never(status.state)
+
+
+def with_overtaken_error(
+    status: DriveStatus, error: ControllerError | None
+) -> tuple[DriveStatus, ExplainedEvent | None]:
+    """Take in the error of a round that an event has overtaken; the event it means is still to happen.
+
+    Where the robot was in that round does not matter any more. Its error does: the controller reports it once.
+    """
+    if error is None:
+        return status, None
+    status = replace(status, stop_button=after_feedback(status.stop_button, error))
+    if status.state is MotionState.FAULT:
+        return _with_further_error(status, error), None
+    if error.is_stop and stop_is_latched(status.state):
+        return status, None
+    return status, reported_error(error)
+
+
+def _with_further_error(status: DriveStatus, error: ControllerError | None) -> DriveStatus:
+    """The first fault's sentence stays; what the controller reports after it stands behind."""
+    if error is None or error.is_stop or error.message in status.detail:
+        return status
+    return replace(status, detail=f"{status.detail}; then: {error.message}")
 
 
 def _while_moving(

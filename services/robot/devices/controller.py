@@ -27,6 +27,12 @@ class ControllerSilent(DeviceError):
     code = "controller_silent"
 
 
+class ControllerFault(DeviceError):
+    """The controller reported a fault; it does so once, so that whoever receives this must not drop it."""
+
+    code = "controller_fault"
+
+
 class ReplyGarbled(DeviceError):
     """The controller answered something that is not an answer to the question."""
 

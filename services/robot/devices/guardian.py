@@ -26,6 +26,10 @@ _SCRIPT = Path(guardian_process.__file__)
 _MOST_ANSWERS = 4096
 # It waits for nothing when its other end is closed, but for its three rounds when the robot was not locked.
 _ENDS_WITHIN_S = 1.0
+_WHY_STOPPED = (
+    f"because this service was silent for more than {GUARDING.silence_s:g} s: it hung or was stopped; see what else "
+    "the computer does"
+)
 
 
 class GuardianLost(DeviceError):
@@ -151,10 +155,14 @@ class Guardian:
             raise GuardianLost(self._lost)
         self._send(ARM)
         deadline_s = time.monotonic() + GUARDING.answer_within_s
-        while ARM not in self._received(deadline_s):
+        answers = self._received(deadline_s)
+        while ARM not in answers:
             if self._lost or time.monotonic() > deadline_s:
                 self._lose(self._lost or "the guardian process did not confirm that it is armed")
                 raise GuardianLost(self._lost)
+            answers += self._received(deadline_s)
+        if STOPPED in answers[answers.index(ARM) :]:
+            raise StopInForce(f"the guardian process has stopped the robot before its motion began, {_WHY_STOPPED}")
         self._armed = True
 
     def keep_alive(self) -> None:
@@ -170,10 +178,7 @@ class Guardian:
         self._send(KEEP_ALIVE)
         if was_armed and STOPPED in answers:
             self._armed = False
-            raise StopInForce(
-                "the guardian process has stopped the robot, because this service was silent for more than "
-                f"{GUARDING.silence_s:g} s: it hung or was stopped; see what else the computer does"
-            )
+            raise StopInForce(f"the guardian process has stopped the robot, {_WHY_STOPPED}")
 
     def disarm(self) -> None:
         """See `LineGuardian`."""

@@ -35,6 +35,8 @@ READ_POLL_S = 0.05
 LONGEST_LINE = 1024
 MOST_LINES = 128
 MOST_STALE_REPLIES = 64
+# Derived: one reply time-out for an answer that is late, and one for the marker's; who asks may have a motion to watch.
+FIND_STEP_TIMEOUTS = 2.0
 
 T = TypeVar("T")
 
@@ -128,6 +130,7 @@ class SerialLine:
         self._lost = ""
         self._lock_written_s = float("-inf")
         self._in_step = True
+        self._take_late: Callable[[list[str]], None] | None = None
         self._forget_partial = threading.Event()
         self._replies: queue.Queue[list[str]] = queue.Queue(maxsize=MOST_STALE_REPLIES)
         self._reader = supervised_thread("controller-reader", self._read_forever)
@@ -153,8 +156,17 @@ class SerialLine:
                     raise
         return self.ask_once(question, parse)
 
-    def ask_once(self, question: bytes, parse: Callable[[list[str]], T]) -> T:
-        """Ask once; raises `ControllerSilent` or `ReplyGarbled`."""
+    def ask_once(
+        self, question: bytes, parse: Callable[[list[str]], T], take_late: Callable[[list[str]], None] | None = None
+    ) -> T:
+        """Ask once; raises `ControllerSilent` or `ReplyGarbled`.
+
+        Parameters
+        ----------
+        take_late
+            Called once with the first reply that comes after silence: the answer if it was late, the marker's if it was
+            lost. For questions whose answer must not get lost.
+        """
         with self._question_lock:
             self._guardian.keep_alive()
             if not self._in_step:
@@ -162,9 +174,16 @@ class SerialLine:
             self._drop_stale_replies()
             self._in_step = False
             self.write(question)
-            value = parse(self._next_reply(question))
+            value = parse(self._reply_or_late(question, take_late))
             self._in_step = True
             return value
+
+    def _reply_or_late(self, question: bytes, take_late: Callable[[list[str]], None] | None) -> list[str]:
+        try:
+            return self._next_reply(question, self._reply_timeout_s)
+        except ControllerSilent:
+            self._take_late = take_late
+            raise
 
     def write(self, message: bytes) -> None:
         """Send a command that cannot set anything in motion."""
@@ -242,21 +261,25 @@ class SerialLine:
         question = self._protocol.marker_question
         self.write(question)
         last: list[str] = []
+        deadline_s = time.monotonic() + FIND_STEP_TIMEOUTS * self._reply_timeout_s
         for _ in range(MOST_STALE_REPLIES):
             try:
-                reply = self._next_reply(question)
+                reply = self._next_reply(question, min(self._reply_timeout_s, deadline_s - time.monotonic()))
             except ControllerSilent:
                 if last:
                     raise garbled(_shown(question), last) from None
                 raise
+            if self._take_late is not None:
+                take_late, self._take_late = self._take_late, None
+                take_late(reply)
             if reply == list(self._protocol.marker_answer):
                 self._in_step = True
                 return
             last = reply
         raise garbled(_shown(question), last)
 
-    def _next_reply(self, question: bytes) -> list[str]:
-        deadline_s = time.monotonic() + self._reply_timeout_s
+    def _next_reply(self, question: bytes, within_s: float) -> list[str]:
+        deadline_s = time.monotonic() + within_s
         while (left_s := deadline_s - time.monotonic()) > 0.0:
             with contextlib.suppress(queue.Empty):
                 return self._replies.get(timeout=min(left_s, GUARDING.sign_of_life_s))

@@ -5,11 +5,11 @@ from dataclasses import replace
 from typing import assert_never
 
 from services.robot.core.motion import Effect, Event
-from services.robot.core.status import UNDER_WAY, with_feedback
+from services.robot.core.status import UNDER_WAY, with_feedback, with_overtaken_error
 from services.robot.core.stop_result import Readback
 from services.robot.core.supervision import MoveUnderWay
 from services.robot.core.tuning import RATES
-from services.robot.devices.controller import ControllerSilent, HexapodController, StopInForce
+from services.robot.devices.controller import ControllerFault, ControllerSilent, HexapodController, StopInForce
 from services.robot.drive.motion_controller import MotionController
 from shared.errors import DeviceError
 from shared.robot_states import MotionState
@@ -132,13 +132,14 @@ class Worker:
         with self._motion.deciding() as before:
             known = replace(before, readback=Readback(stops, not feedback.moving, feedback.locked))
             self._motion.note(known)
-            if generation != known.generation:
-                return
-            status, finding = with_feedback(known, feedback, began_s, self._clock_s())
+            if generation == known.generation:
+                status, finding = with_feedback(known, feedback, began_s, self._clock_s())
+            else:
+                status, finding = with_overtaken_error(known, feedback.error)
             self._motion.note(status)
             if finding is not None:
                 self._motion.apply(finding.event, finding.message)
-            elif status.state is MotionState.FAULT and not feedback.locked:
+            elif generation == known.generation and status.state is MotionState.FAULT and not feedback.locked:
                 # Whatever the fault was, the guide must be held: try until it is.
                 self._motion.hold()
 
@@ -156,7 +157,7 @@ class Worker:
 
     def _device_failed(self, error: DeviceError, generation: int) -> None:
         with self._motion.deciding() as status:
-            if generation != status.generation:
+            if generation != status.generation and not isinstance(error, ControllerFault):
                 return
             self._motion.note(replace(status, feedback=None))
             if isinstance(error, StopInForce):

@@ -7,7 +7,7 @@ import numpy as np
 from services.robot.core.controller_feedback import ControllerError, ControllerFeedback, ErrorKind
 from services.robot.core.deviation import deviation
 from services.robot.core.tuning import CONTROLLER_LINE, SUPERVISION
-from services.robot.devices.controller import Encoders, ReplyGarbled, StopInForce
+from services.robot.devices.controller import ControllerFault, Encoders, ReplyGarbled, StopInForce
 from services.robot.devices.gcs import codec
 from services.robot.devices.gcs.errors import controller_error
 from services.robot.devices.guardian import UNGUARDED, LineGuardian
@@ -54,6 +54,7 @@ class GcsController:
     ) -> None:
         self._encoders = encoders
         self._button_error: ControllerError | None = None
+        self._late_error: ControllerError | None = None
         self._line = SerialLine(port, LINE, reply_timeout_s, guardian)
         try:
             self._line.stop_now()
@@ -120,7 +121,7 @@ class GcsController:
         self._line.note_locked()
         error = self._error()
         if error is not None and not error.is_stop:
-            raise DeviceError(f"locking the robot failed: {error.message}")
+            raise ControllerFault(f"locking the robot failed: {error.message}")
 
     def stop_now(self) -> DeviceError | None:
         """Stop and lock at once; see `HexapodController`."""
@@ -225,11 +226,22 @@ class GcsController:
         if error.is_stop:
             raise StopInForce(f"could not {doing}: {error.message}")
         self.stop_now()
-        raise DeviceError(f"could not {doing}: {error.message}")
+        raise ControllerFault(f"could not {doing}: {error.message}")
 
     def _error(self) -> ControllerError | None:
         # Never asked again when garbled: asking has cleared the error, and a lost error must not pass for none.
-        code = self._line.ask_once(codec.query("ERR"), partial(codec.parse_integer, question="ERR?"))
+        late, self._late_error = self._late_error, None
+        if late is not None:
+            return late
+        return self._noted(self._line.ask_once(codec.query("ERR"), _code, self._take_late_error))
+
+    def _take_late_error(self, reply: list[str]) -> None:
+        try:
+            self._late_error = self._noted(_code(reply))
+        except ReplyGarbled as lost:
+            self._late_error = ControllerError(ErrorKind.FAULT, f"an error of the controller may be lost: {lost}")
+
+    def _noted(self, code: int) -> ControllerError | None:
         error = controller_error(code)
         if error is not None and error.kind in _BUTTON_ERRORS:
             self._button_error = error
@@ -237,9 +249,12 @@ class GcsController:
 
     def _pending_error(self) -> ControllerError | None:
         # A report of the button between two rounds of feedback must not be lost: some controllers give it only once.
-        error = self._error() or self._button_error
-        self._button_error = None
-        return error
+        # A fault goes first, and the button waits for the next round; a stop by a command says less than the button.
+        error = self._error()
+        if error is not None and not error.is_stop:
+            return error
+        button, self._button_error = self._button_error, None
+        return button or error
 
     def _switches(self, name: str) -> tuple[bool, ...]:
         parse = partial(codec.parse_switches, axes=AXES, question=f"{name}?")
@@ -257,3 +272,7 @@ class GcsController:
 
     def _pose(self, name: str) -> PlatformPose:
         return self._line.ask(codec.query(name, AXES), partial(codec.parse_pose, question=f"{name}?"))
+
+
+def _code(reply: list[str]) -> int:
+    return codec.parse_integer(reply, question="ERR?")

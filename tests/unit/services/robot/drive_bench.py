@@ -1,5 +1,7 @@
 """The drive on a controller without a line, one round of work at a time."""
 
+from collections.abc import Callable
+
 from services.robot.core.guard import PermittedMove
 from services.robot.core.refusals import Refusal
 from services.robot.core.tuning import SUPERVISION
@@ -54,6 +56,15 @@ class Bench:
     def work(self, rounds: int = 2) -> None:
         for _ in range(rounds):
             self.drive.step()
+
+    def after_the_next_round(self, happens: Callable[[], object]) -> None:
+        """Let something happen after the controller has answered once more, before the answers are taken in."""
+
+        def once() -> None:
+            self.controller.after_read = lambda: None
+            happens()
+
+        self.controller.after_read = once
 
     @property
     def outcome(self) -> str:

@@ -176,6 +176,14 @@ def test_a_wire_that_goes_in_during_a_move_stops_it(room: Room) -> None:
 
 
 @pytest.mark.requirement("ROB-11")
+def test_a_case_that_cannot_be_read_stops_a_move(room: Room) -> None:
+    room.begin_move()
+    room.cases.put(b"not a case")
+    state = room.wait(lambda s: s.state is MotionState.STOPPED)
+    assert "what is in the bone is not known" in state.detail
+
+
+@pytest.mark.requirement("ROB-11")
 def test_a_case_that_cannot_be_read_forbids_every_motion(room: Room) -> None:
     plan_json = room.ready_with_plan()
     room.cases.put(b"{}")

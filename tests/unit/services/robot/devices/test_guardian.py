@@ -13,7 +13,7 @@ import pytest
 from services.robot.core.tuning import GUARDING
 from services.robot.devices.controller import StopInForce
 from services.robot.devices.guardian import ChildGuardian, Guardian, GuardianLost, file_number_of
-from services.robot.devices.guardian_process import ROUNDS
+from services.robot.devices.guardian_process import ARM, ROUNDS
 from services.robot.devices.serial_line import open_port
 
 STOP, LOCK = b"\x18", b"lock\n"
@@ -83,6 +83,25 @@ def test_a_service_that_is_silent_while_armed_is_stopped_once_and_learns_of_it(l
     line.guardian.arm()
     line.guardian.disarm()
     assert line.is_quiet()
+
+
+def test_a_motion_does_not_begin_when_the_guardian_has_stopped_the_robot_meanwhile(
+    line: Line, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    send = line.guardian._send
+
+    def send_and_stand_still(message: bytes) -> None:
+        send(message)
+        if message == ARM:
+            assert line.written(ROUNDS * len(STOP + LOCK)) == ROUNDS * (STOP + LOCK)
+            time.sleep(QUIET_S)  # its answer follows what it wrote
+
+    monkeypatch.setattr(line.guardian, "_send", send_and_stand_still)
+    with pytest.raises(StopInForce, match=r"has stopped the robot before its motion began, because .* 0\.2 s"):
+        line.guardian.arm()
+    monkeypatch.undo()
+    line.guardian.arm()
+    assert line.written(ROUNDS * len(STOP + LOCK)) == ROUNDS * (STOP + LOCK), "armed again, it watches again"
 
 
 def test_signs_of_life_keep_it_quiet(line: Line) -> None:

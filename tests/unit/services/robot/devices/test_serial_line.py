@@ -2,12 +2,15 @@
 
 import os
 import pty
+import re
+import threading
 
 import pytest
 
+from services.robot.core.controller_feedback import ErrorKind
 from services.robot.devices.controller import ControllerSilent, ReplyGarbled
 from services.robot.devices.gcs.controller import GcsController
-from services.robot.devices.serial_line import open_port
+from services.robot.devices.serial_line import MOST_STALE_REPLIES, open_port
 from shared.errors import DeviceError
 from shared.geometry.hexapod import PlatformPose
 from shared.parts.hexapod_file import default_hexapod
@@ -63,6 +66,64 @@ def test_a_garbled_error_code_is_never_asked_for_again(gcs: FakeGcs, controller:
     gcs.spoil = lambda q, a: b"x" + a if q == b"ERR?" else a
     with pytest.raises(ReplyGarbled):
         controller.read()
+
+
+@pytest.mark.parametrize(
+    ("answer", "sentence"),
+    [
+        (b"-1024\n", "motion error"),
+        (b"", r"an error of the controller may be lost: .* to 'ERR\?'"),
+        (b"x7\n", r"an error of the controller may be lost: .*'x7' to 'ERR\?'"),
+    ],
+)
+def test_an_error_code_that_comes_late_is_reported_and_one_that_never_comes_is_a_fault(
+    gcs: FakeGcs, answer: bytes, sentence: str
+) -> None:
+    controller = GcsController(gcs, HEXAPOD, reply_timeout_s=SHORT_S)
+    gcs.spoil = lambda q, a: b"" if q == b"ERR?" else a
+    with pytest.raises(ControllerSilent):
+        controller.read()
+    gcs.spoil = lambda _, a: a
+    gcs.say(answer)
+    error = controller.read().error
+    assert error is not None
+    assert error.kind is ErrorKind.FAULT
+    assert re.search(sentence, error.message), error.message
+    assert controller.read().error is None
+    controller.close()
+
+
+def test_no_error_that_comes_late_is_none(gcs: FakeGcs) -> None:
+    controller = GcsController(gcs, HEXAPOD, reply_timeout_s=SHORT_S)
+    gcs.spoil = lambda q, a: b"" if q == b"ERR?" else a
+    with pytest.raises(ControllerSilent):
+        controller.read()
+    gcs.spoil = lambda _, a: a
+    gcs.say(b"0\n")
+    assert controller.read().error is None
+    controller.close()
+
+
+def test_a_line_that_babbles_does_not_hold_a_question_up(gcs: FakeGcs) -> None:
+    controller = GcsController(gcs, HEXAPOD, reply_timeout_s=SHORT_S)
+    gcs.mute = True
+    ended = threading.Event()
+    lines = [0]
+
+    def babble() -> None:
+        while not ended.wait(SHORT_S / 5.0):
+            gcs.say(b"\xff\xfe\n")
+            lines[0] += 1
+
+    babbler = threading.Thread(target=babble)
+    babbler.start()
+    with pytest.raises(ReplyGarbled):
+        controller.read()
+    heard = lines[0]
+    ended.set()
+    babbler.join()
+    controller.close()
+    assert heard < MOST_STALE_REPLIES / 2, "it gave up by the time that had passed, not by the number of lines"
 
 
 def test_a_broken_line_is_reported_and_a_stop_on_it_says_so(gcs: FakeGcs, controller: GcsController) -> None:

@@ -4,12 +4,20 @@ from dataclasses import replace
 
 import pytest
 
+from services.robot.core.controller_feedback import ControllerError
 from services.robot.core.refusals import Refusal, RefusalCode
 from services.robot.core.status import DriveStatus
+from services.robot.devices.controller import ControllerFault
+from shared.errors import DeviceError
 from shared.geometry.hexapod import PlatformPose
-from shared.robot_states import MotionState
+from shared.robot_states import MotionState, StopButton
 from shared.threads import faults_go_to
 from tests.unit.services.robot.drive_bench import Bench
+from tests.unit.services.robot.fake_controller import BUTTON_PRESSED, BUTTON_RELEASED, FAULT, STOPPED
+
+
+def assert_accepted(refusal: Refusal | None) -> None:
+    assert refusal is None
 
 
 def test_lost_supervision_stops_a_move_and_nothing_else(bench: Bench) -> None:
@@ -208,6 +216,94 @@ def test_a_controller_that_stays_silent_at_rest_is_a_fault(bench: Bench) -> None
     bench.now_s += 1.1
     bench.work(1)
     assert bench.has(MotionState.FAULT)
+
+
+def test_a_fault_reported_in_the_round_that_a_move_overtakes_ends_the_move(bench: Bench) -> None:
+    bench.make_ready()
+    bench.controller.feedback = replace(bench.controller.feedback, error=FAULT)
+    bench.after_the_next_round(lambda: assert_accepted(bench.begin_move()))
+    bench.work(2)
+    assert bench.has(MotionState.FAULT)
+    assert bench.drive.status.detail == FAULT.message
+    assert bench.controller.motions == []
+
+
+def test_a_fault_reported_in_the_round_that_a_stop_overtakes_is_a_fault(bench: Bench) -> None:
+    bench.start_move()
+    bench.controller.feedback = replace(bench.controller.feedback, error=FAULT)
+    bench.after_the_next_round(lambda: bench.drive.stop("test"))
+    bench.work(2)
+    assert bench.has(MotionState.FAULT)
+    assert bench.drive.status.detail == FAULT.message
+
+
+@pytest.mark.parametrize(
+    ("error", "state", "button"),
+    [
+        (FAULT, MotionState.FAULT, StopButton.CLEAR),
+        (BUTTON_PRESSED, MotionState.STOPPED, StopButton.PRESSED),
+        (BUTTON_RELEASED, MotionState.STOPPED, StopButton.RELEASED),
+        (STOPPED, MotionState.STOPPED, StopButton.CLEAR),
+    ],
+)
+def test_what_is_reported_in_the_round_that_an_acknowledgement_overtakes_counts(
+    bench: Bench, error: ControllerError, state: MotionState, button: StopButton
+) -> None:
+    bench.make_ready()
+    bench.drive.stop("test")
+    bench.work(2)
+    bench.controller.feedback = replace(bench.controller.feedback, error=error)
+    bench.after_the_next_round(lambda: assert_accepted(bench.drive.acknowledge_stop()))
+    bench.work(1)
+    assert bench.has(state)
+    assert bench.drive.status.stop_button is button
+
+
+def test_a_stop_of_our_own_that_is_reported_after_the_next_stop_is_no_fault(bench: Bench) -> None:
+    bench.start_move()
+    bench.drive.stop("first")
+    bench.after_the_next_round(lambda: bench.drive.stop("second"))
+    bench.work(2)
+    assert bench.has(MotionState.STOPPED)
+    assert bench.drive.status.detail == "second"
+
+
+@pytest.mark.parametrize(
+    ("error", "state"),
+    [
+        (ControllerFault("locking failed: a leg does not follow"), MotionState.FAULT),
+        (DeviceError("the brakes are still on their way"), MotionState.STOPPED),
+    ],
+)
+def test_a_fault_of_an_effect_that_a_stop_overtakes_is_not_dropped(
+    bench: Bench, error: DeviceError, state: MotionState
+) -> None:
+    bench.start_move()
+
+    def fail() -> None:
+        bench.controller.before_lock = lambda: None
+        bench.drive.stop("second")
+        raise error
+
+    bench.controller.before_lock = fail
+    bench.drive.stop("first")
+    bench.work(2)
+    assert bench.has(state)
+    assert bench.drive.status.detail == (str(error) if state is MotionState.FAULT else "second")
+
+
+def test_a_stop_in_fault_leaves_the_faults_sentence_and_further_errors_stand_behind_it(bench: Bench) -> None:
+    bench.start_move()
+    bench.controller.feedback = replace(bench.controller.feedback, error=FAULT)
+    bench.work(2)
+    bench.drive.stop("'console' asked for a stop")
+    bench.work(2)
+    assert bench.drive.status.detail == FAULT.message
+    further = replace(FAULT, message="a leg has met its limit switch")
+    for _ in range(2):
+        bench.controller.feedback = replace(bench.controller.feedback, error=further)
+        bench.work(1)
+    assert bench.drive.status.detail == f"{FAULT.message}; then: {further.message}"
 
 
 @pytest.mark.requirement("ROB-08")

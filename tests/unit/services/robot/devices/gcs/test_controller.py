@@ -4,6 +4,7 @@ import threading
 
 import pytest
 
+from services.robot.core.controller_feedback import ErrorKind
 from services.robot.devices.controller import ControllerSilent, Encoders, StopInForce
 from services.robot.devices.gcs.controller import LOCK_UNCONFIRMED, GcsController
 from shared.errors import DeviceError
@@ -235,6 +236,16 @@ def test_reference_with_incremental_encoders_unlocks(gcs: FakeGcs) -> None:
     controller.reference()
     assert controller.read().unlocked
     controller.close()
+
+
+def test_a_fault_does_not_hide_the_button_that_was_reported_before(gcs: FakeGcs, released: GcsController) -> None:
+    gcs.pressed = True
+    with pytest.raises(StopInForce):
+        released.move(TARGET, 1.0)
+    gcs.error = -1024
+    kinds = [error.kind for error in (released.read().error, released.read().error) if error is not None]
+    assert kinds == [ErrorKind.FAULT, ErrorKind.STOP_BUTTON_PRESSED]
+    assert released.read().error is None
 
 
 def test_the_controllers_own_stop_button_holds_a_move_back(gcs: FakeGcs, released: GcsController) -> None:
