@@ -1,4 +1,4 @@
-"""Record the examples anew, from a simulation on this machine: `make examples`; about a minute.
+"""Record the examples anew, from a simulation on this machine: `make examples`; some minutes.
 
 An example stays as it is while its shape does; `--all` replaces every one.
 """
