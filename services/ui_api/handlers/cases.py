@@ -185,7 +185,7 @@ def _changed_setup(unit: UnitOfWork, setup: CaseSetup, request: SetupRequest) ->
         "hexapod": request.hexapod,
     }
     parts = {kind: resolve_part(kind, part) for kind, part in given.items() if part is not None}
-    calibrated = setup.guide_calibrated and "guide" not in parts
+    calibrated = setup.guide_calibrated and not _replaces_calibrated(setup, parts)
     if request.guide_calibration is not None:
         if is_head_calibration(request.guide_calibration):
             parts["hexapod"] = calibrated_hexapod(parts.get("hexapod"), request.guide_calibration)
@@ -212,6 +212,12 @@ def _changed_setup(unit: UnitOfWork, setup: CaseSetup, request: SetupRequest) ->
     _require_holes_in_common(changed)
     _require_nail_of_bone(changed)
     return changed
+
+
+def _replaces_calibrated(setup: CaseSetup, parts: Mapping[PartKind, PartFile]) -> bool:
+    """Whether another guide or hexapod is given than the one in use: a calibration may have measured either."""
+    in_use: Mapping[PartKind, PartUse] = {"guide": setup.guide, "hexapod": setup.hexapod}
+    return any(kind in parts and parts[kind].use.sha256 != use.sha256 for kind, use in in_use.items())
 
 
 def _first(given: float | None, otherwise: float) -> float:

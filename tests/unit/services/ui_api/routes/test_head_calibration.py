@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from services.ui_api.core.event_data import SetupChanged
 from shared.geometry.frames import Guide
 from shared.geometry.transform import Transform
 from shared.parts.files import read_part_file
@@ -87,3 +88,26 @@ def test_a_change_names_the_hexapod_beside_the_calibration(room: Room) -> None:
     assert "none is given beside it" in alone.json()["detail"]
     both = room.patch(path, {"hexapod": "hexapod-h70", "guide_calibration": printed()})
     assert both.json()["guide_calibrated"] is True
+
+
+CALIBRATED = {"hexapod": "hexapod-h70", "guide_calibration": printed()}
+
+
+def test_the_nominal_hexapod_put_back_is_not_calibrated(room: Room) -> None:
+    path = f"/cases/{room.open_case()}"
+    nominal = room.get(path).json()["hexapod"]
+    assert room.patch(path, CALIBRATED).json()["guide_calibrated"] is True
+    put_back = room.patch(path, {"hexapod": "hexapod-h70"}).json()
+    assert (put_back["hexapod"], put_back["guide_calibrated"]) == (nominal, False)
+    setups = [e.data.setup for e in room.gateway.record.events_after(0) if isinstance(e.data, SetupChanged)]
+    assert [setup.guide_calibrated for setup in setups] == [True, False]
+    assert room.patch(path, CALIBRATED).json()["guide_calibrated"] is True
+
+
+def test_the_guide_in_use_given_again_replaces_nothing(room: Room) -> None:
+    path = f"/cases/{room.open_case()}"
+    calibrated = room.patch(path, CALIBRATED).json()
+    same = room.patch(path, {"guide": samples.guide_file()}).json()
+    assert (same["guide_calibrated"], same["revision"]) == (True, calibrated["revision"])
+    other = room.patch(path, {"guide": samples.guide_file() | {"ball_count": 16}}).json()
+    assert other["guide_calibrated"] is False
