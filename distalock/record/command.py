@@ -16,7 +16,7 @@ from distalock.arguments import EXIT_BAD_INPUT
 from services.ui_api.core.chain import ChainBroken, ChainIntact
 from services.ui_api.core.retention import RetentionRules
 from services.ui_api.record.anchors import append_anchor, read_anchors, verify_with_anchors
-from services.ui_api.record.backup import back_up, restore
+from services.ui_api.record.backup import back_up
 from services.ui_api.record.database import existing_database, open_database, sole_gateway
 from services.ui_api.record.deidentify.case import NOTES, deidentified
 from services.ui_api.record.engines import cause_of, shown
@@ -30,6 +30,7 @@ from services.ui_api.record.prune import (
     prune,
 )
 from services.ui_api.record.record import CaseRecord
+from services.ui_api.record.restore import restore
 from services.ui_api.record.verify import verify_record
 from services.ui_api.settings import UiApiSettings
 from shared.errors import DistalockError, InputError

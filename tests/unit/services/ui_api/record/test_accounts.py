@@ -14,9 +14,10 @@ from services.ui_api.core.identity import Authenticated, ProviderIdentity
 from services.ui_api.core.roles import Role
 from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.refusals import Refused
-from services.ui_api.record.backup import back_up, restore
+from services.ui_api.record.backup import back_up
 from services.ui_api.record.database import open_database, sqlite_url
 from services.ui_api.record.record import CaseRecord
+from services.ui_api.record.restore import restore
 from services.ui_api.record.verify import verify_record
 
 PASSWORD = "four words and a nail"

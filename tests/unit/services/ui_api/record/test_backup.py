@@ -11,10 +11,11 @@ from sqlalchemy import Engine, text
 from services.ui_api.core.chain import ChainIntact
 from services.ui_api.core.event_data import ImageReceived
 from services.ui_api.core.events import EventDraft
-from services.ui_api.record.backup import BackupManifest, back_up, restore
+from services.ui_api.record.backup import BackupManifest, back_up
 from services.ui_api.record.database import existing_database, open_database, sqlite_url
 from services.ui_api.record.images import stored_paths
 from services.ui_api.record.record import CaseRecord
+from services.ui_api.record.restore import restore
 from services.ui_api.record.unit_of_work import Answer
 from services.ui_api.record.verify import verify_record
 from shared.errors import InputError

@@ -1,0 +1,124 @@
+"""Restore a backup onto a machine that has no record."""
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from sqlalchemy import Connection, Engine, delete, func, select
+
+from services.ui_api.core.chain import ChainIntact, check_chain
+from services.ui_api.record.backup import (
+    IMAGES_FOLDER,
+    MANIFEST_FILE,
+    RECORD_FILE,
+    BackupManifest,
+    checked_copy,
+    left_alone,
+    read_manifest,
+)
+from services.ui_api.record.database import existing_database, open_database, sole_gateway
+from services.ui_api.record.durable_files import copy_sqlite, settle
+from services.ui_api.record.engines import engine_of, is_sqlite, shown
+from services.ui_api.record.images import INDEX_FILE, copy_images, copy_index, store_id
+from services.ui_api.record.rows import copy_rows, writing
+from services.ui_api.record.tables import EVENTS, REFRESH_TOKENS, SESSIONS
+from services.ui_api.record.verify import entries
+from shared.errors import ConfigurationError, InputError
+
+
+def restore(folder: Path, url: str, image_dir: Path) -> ChainIntact:
+    """Put a backup where no record is. The record appears last: what broke off can be repeated.
+
+    Raises
+    ------
+    InputError
+        When the folder is no backup, its chain does not hold or ends with another head, or there is a record already.
+    ConfigurationError
+        When the database cannot be opened.
+    """
+    manifest = read_manifest(folder)
+    engine = engine_of(url)
+    with sole_gateway(url), _working_file(engine) as file:
+        _require_no_record(url)
+        _require_no_other_index(folder, image_dir)
+        copy_sqlite(folder / RECORD_FILE, file)
+        chain, named = checked_copy(file)
+        if (chain.entries, chain.head_sha256) != (manifest.events, manifest.head_sha256):
+            raise InputError(
+                f"the record in {folder} has {chain.entries} events and head {chain.head_sha256}, {MANIFEST_FILE} "
+                f"names {manifest.events} and {manifest.head_sha256}; use another backup"
+            )
+        _restore_images(manifest, named, folder, image_dir)
+        copy = open_database(f"sqlite:///{file}")  # with this version's schema
+        _end_sessions(copy)
+        if not is_sqlite(engine):
+            _restore_rows(copy, open_database(url), chain)
+        with copy.connect() as connection:
+            _require_same(connection, chain)
+        left_alone(copy)
+        if is_sqlite(engine):
+            settle(file, Path(str(engine.url.database)))
+    return chain
+
+
+def _restore_images(manifest: BackupManifest, named: tuple[str, ...], folder: Path, image_dir: Path) -> None:
+    lost = copy_images(named, folder / IMAGES_FOLDER, image_dir)
+    known = {*manifest.missing_images, *manifest.damaged_images}
+    if unknown := {*lost.missing, *lost.damaged} - known:
+        raise InputError(
+            f"{len(unknown)} images, such as {min(unknown)}, are missing or damaged in {folder}; use another backup"
+        )
+    copy_index(folder / IMAGES_FOLDER, image_dir)
+
+
+@contextmanager
+def _working_file(engine: Engine) -> Iterator[Path]:
+    """A file for the copy that is checked and upgraded: beside the record that it becomes, where that is a file."""
+    beside = Path(str(engine.url.database)).parent if is_sqlite(engine) else None
+    with tempfile.TemporaryDirectory(dir=beside, prefix=".restoring-") as folder:
+        yield Path(folder) / RECORD_FILE
+
+
+def _end_sessions(copy: Engine) -> None:
+    """Whoever held a session on the machine of before signs in anew."""
+    with writing(copy) as connection:
+        for table in (REFRESH_TOKENS, SESSIONS):
+            connection.execute(delete(table))
+
+
+def _restore_rows(source: Engine, target: Engine, expected: ChainIntact) -> None:
+    with source.connect() as old, writing(target) as copy:
+        copy_rows(old, copy)
+        _require_same(copy, expected)
+    target.dispose()
+
+
+def _require_same(connection: Connection, expected: ChainIntact) -> None:
+    found = check_chain(entries(connection))
+    if found != expected:
+        raise InputError(f"what was restored is not what was backed up (expected {expected}, found {found}); try again")
+
+
+def _require_no_record(url: str) -> None:
+    """A restored record never overwrites another, nor is it mixed with one."""
+    try:
+        engine = existing_database(url)
+    except ConfigurationError:
+        return
+    with engine.connect() as connection:
+        number = connection.execute(select(func.count()).select_from(EVENTS)).scalar()
+    engine.dispose()
+    if is_sqlite(engine) or number:
+        raise InputError(
+            f"there is a case record with {number} events at {shown(url)}; restore onto an empty machine, or move it "
+            "away"
+        )
+
+
+def _require_no_other_index(folder: Path, image_dir: Path) -> None:
+    there = store_id(image_dir)
+    if there is not None and there != store_id(folder / IMAGES_FOLDER):
+        raise InputError(
+            f"{image_dir / INDEX_FILE} numbers the images of another installation; restore onto an empty machine"
+        )
