@@ -1,6 +1,6 @@
 """Rows of a record from one database into another."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Final
 
@@ -12,12 +12,21 @@ from services.ui_api.record.tables import (
     DOCUMENTS,
     DOCUMENTS_TO_PRUNE,
     EVENTS,
+    PASSKEYS,
+    PROBE,
     PRUNINGS,
+    REFRESH_TOKENS,
+    SESSIONS,
     USERS,
 )
 
-# In the order in which rows can be inserted: others refer to events. Sessions end with the machine.
-COPIED: Final = (EVENTS, DOCUMENTS, ANSWERS, PRUNINGS, DOCUMENTS_TO_PRUNE, USERS)
+# In the order in which rows can be inserted: others refer to events, and passkeys to users.
+COPIED: Final = (EVENTS, DOCUMENTS, ANSWERS, PRUNINGS, DOCUMENTS_TO_PRUNE, USERS, PASSKEYS)
+NOT_COPIED: Final[Mapping[Table, str]] = {
+    SESSIONS: "end with the machine: everybody signs in anew",
+    REFRESH_TOKENS: "belong to sessions",
+    PROBE: "one row, with which a running gateway tries whether the database takes what is written",
+}
 _ROWS_AT_ONCE: Final = 50
 
 

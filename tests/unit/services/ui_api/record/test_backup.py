@@ -4,9 +4,10 @@ import threading
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import pytest
-from sqlalchemy import Engine, text
+from sqlalchemy import Engine, Row, insert, select, text
 
 from services.ui_api.core.chain import ChainIntact
 from services.ui_api.core.event_data import ImageReceived
@@ -16,10 +17,12 @@ from services.ui_api.record.database import existing_database, open_database, sq
 from services.ui_api.record.images import stored_paths
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.restore import restore
+from services.ui_api.record.tables import PASSKEYS, USERS
 from services.ui_api.record.unit_of_work import Answer
 from services.ui_api.record.verify import verify_record
 from shared.errors import InputError
 from shared.parts.files import sha256_of
+from tests.postgresql import Server
 from tests.unit.services.ui_api.record.filled import STEP, fill, record_of
 
 _AT = datetime(2026, 1, 2, tzinfo=UTC)
@@ -109,6 +112,43 @@ def test_missing_and_damaged_images_are_named(engine: Engine, tmp_path: Path) ->
     stored_paths(tmp_path / "images", sha256_of(_IMAGE))[0].write_bytes(b"cut")
     made = _backed_up(engine, tmp_path)
     assert (made.missing_images, made.damaged_images) == (("f" * 64,), (sha256_of(_IMAGE),))
+
+
+def _put_passkey(record: CaseRecord) -> None:
+    user = {"name": "dr.a", "roles_json": '["surgeon"]', "password_hash": "none", "disabled": False}
+    passkey = {"id": "key", "user_name": "dr.a", "label": "phone", "public_credential": b"\x00\xff", "uses": 7}
+    with record.write() as unit:
+        unit.change(insert(USERS).values(**user, created_at_ns=1, provider_subject="issuer 1"))
+        unit.change(insert(PASSKEYS).values(**passkey, created_at_ns=2))
+
+
+def _accounts(engine: Engine) -> list[list[Row[Any]]]:
+    with engine.connect() as connection:
+        return [list(connection.execute(select(table))) for table in (USERS, PASSKEYS)]
+
+
+@pytest.mark.parametrize("into", ["the same kind of database", "a file"])
+def test_passkeys_come_along_with_their_accounts(engine: Engine, other_url: str, tmp_path: Path, into: str) -> None:
+    _put_passkey(_filled(engine, tmp_path / "images"))
+    _backed_up(engine, tmp_path)
+    url = sqlite_url(tmp_path / "moved") if into == "a file" else other_url
+    restore(tmp_path / "backup", url, tmp_path / "other" / "images")
+    restored = open_database(url)
+    assert _accounts(restored) == _accounts(engine)
+    assert [len(rows) for rows in _accounts(restored)] == [1, 1]
+    restored.dispose()
+
+
+def test_passkeys_of_a_file_come_into_a_server(postgresql: Server, tmp_path: Path) -> None:
+    engine = open_database(sqlite_url(tmp_path))
+    _put_passkey(_filled(engine, tmp_path / "images"))
+    _backed_up(engine, tmp_path)
+    url = postgresql.url(postgresql.make_database())
+    restore(tmp_path / "backup", url, tmp_path / "other" / "images")
+    restored = open_database(url)
+    assert [[tuple(row) for row in rows] for rows in _accounts(restored)] == _accounts(engine)
+    for each in (engine, restored):
+        each.dispose()
 
 
 def _cut_the_end(folder: Path) -> None:
