@@ -5,8 +5,11 @@ import sqlite3
 from collections.abc import Iterable
 from contextlib import closing
 from pathlib import Path
+from typing import Final
 
 from shared.errors import InputError
+
+_LOG_ENDINGS: Final = ("-wal", "-shm", "-journal")
 
 
 def copy_sqlite(source: Path, target: Path) -> None:
@@ -37,6 +40,21 @@ def as_one_file(file: Path) -> None:
     """Leave a SQLite database that nobody uses as one file, without the log that lies beside one in use."""
     with closing(sqlite3.connect(file)) as connection:
         connection.execute("PRAGMA journal_mode = DELETE")
+
+
+def logs_beside(file: Path) -> tuple[Path, ...]:
+    """Files that SQLite writes beside a database in use. It reads them into whatever lies under the database's name."""
+    return tuple(log for ending in _LOG_ENDINGS if (log := file.with_name(file.name + ending)).exists())
+
+
+def require_no_logs(file: Path) -> None:
+    """Refuse to put a database where the logs of another one lie; raises `InputError`."""
+    if logs := logs_beside(file):
+        names = " and ".join(log.name for log in logs)
+        raise InputError(
+            f"{file.parent} has {names}, left behind by another {file.name}: SQLite would write what they hold into a "
+            f"restored one; move {names} away to where the other {file.name} is"
+        )
 
 
 def write_durably(file: Path, pieces: Iterable[bytes]) -> None:

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from sqlalchemy import Connection, Engine, delete, func, select
+from sqlalchemy.exc import DBAPIError
 
 from services.ui_api.core.chain import ChainIntact, check_chain
 from services.ui_api.record.backup import (
@@ -18,12 +19,12 @@ from services.ui_api.record.backup import (
     read_manifest,
 )
 from services.ui_api.record.database import existing_database, open_database, sole_gateway
-from services.ui_api.record.durable_files import copy_sqlite, settle
-from services.ui_api.record.engines import engine_of, is_sqlite, shown
+from services.ui_api.record.durable_files import copy_sqlite, logs_beside, require_no_logs, settle
+from services.ui_api.record.engines import cause_of, engine_of, is_sqlite, shown
 from services.ui_api.record.images import INDEX_FILE, copy_images, copy_index, store_id
 from services.ui_api.record.rows import copy_rows, writing
 from services.ui_api.record.tables import EVENTS, REFRESH_TOKENS, SESSIONS
-from services.ui_api.record.verify import entries
+from services.ui_api.record.verify import entries, verify_record
 from shared.errors import ConfigurationError, InputError
 
 
@@ -33,7 +34,8 @@ def restore(folder: Path, url: str, image_dir: Path) -> ChainIntact:
     Raises
     ------
     InputError
-        When the folder is no backup, its chain does not hold or ends with another head, or there is a record already.
+        When the folder is no backup, its chain does not hold or ends with another head, there is a record or a part of
+        one already, or the record that lies there afterwards is not the one that was backed up.
     ConfigurationError
         When the database cannot be opened.
     """
@@ -59,7 +61,24 @@ def restore(folder: Path, url: str, image_dir: Path) -> ChainIntact:
         left_alone(copy)
         if is_sqlite(engine):
             settle(file, Path(str(engine.url.database)))
+        require_record(url, chain)
     return chain
+
+
+def require_record(url: str, expected: ChainIntact) -> None:
+    """Verify the record that lies at a URL; raises `InputError` when it is another one, or does not hold."""
+    engine = existing_database(url)
+    try:
+        found: object = verify_record(engine)
+    except DBAPIError as error:
+        found = cause_of(error)
+    finally:
+        engine.dispose()
+    if found != expected:
+        raise InputError(
+            f"the record that now lies at {shown(url)} is not the one that was backed up (expected {expected}, found "
+            f"{found}); move it away and restore again"
+        )
 
 
 def _restore_images(manifest: BackupManifest, named: tuple[str, ...], folder: Path, image_dir: Path) -> None:
@@ -102,23 +121,46 @@ def _require_same(connection: Connection, expected: ChainIntact) -> None:
 
 def _require_no_record(url: str) -> None:
     """A restored record never overwrites another, nor is it mixed with one."""
+    engine = engine_of(url)
+    if is_sqlite(engine):
+        _require_no_file(Path(str(engine.url.database)), url)
+        return
     try:
-        engine = existing_database(url)
+        number = _number_of_events(url)
     except ConfigurationError:
         return
-    with engine.connect() as connection:
-        number = connection.execute(select(func.count()).select_from(EVENTS)).scalar()
-    engine.dispose()
-    if is_sqlite(engine) or number:
+    if number:
         raise InputError(
-            f"there is a case record with {number} events at {shown(url)}; restore onto an empty machine, or move it "
-            "away"
+            f"there is a case record with {number} events at {shown(url)}; restore onto an empty machine, or into an "
+            "empty database"
         )
+
+
+def _require_no_file(file: Path, url: str) -> None:
+    if not file.is_file():
+        require_no_logs(file)
+        return
+    try:
+        found = f"there is a case record with {_number_of_events(url)} events"
+    except DBAPIError as error:
+        found = f"there is a file that is no readable case record ({cause_of(error)})"
+    logs = "".join(f" and {log.name}" for log in logs_beside(file))
+    raise InputError(f"{found} at {shown(url)}; restore onto an empty machine, or move {file.name}{logs} away")
+
+
+def _number_of_events(url: str) -> int:
+    engine = existing_database(url)
+    try:
+        with engine.connect() as connection:
+            return connection.execute(select(func.count()).select_from(EVENTS)).scalar_one()
+    finally:
+        engine.dispose()
 
 
 def _require_no_other_index(folder: Path, image_dir: Path) -> None:
-    there = store_id(image_dir)
-    if there is not None and there != store_id(folder / IMAGES_FOLDER):
-        raise InputError(
-            f"{image_dir / INDEX_FILE} numbers the images of another installation; restore onto an empty machine"
-        )
+    index = image_dir / INDEX_FILE
+    if not index.is_file():
+        require_no_logs(index)
+    there, of_backup = store_id(image_dir), store_id(folder / IMAGES_FOLDER)
+    if there is not None and there != of_backup:
+        raise InputError(f"{index} numbers the images of another installation; restore onto an empty machine")

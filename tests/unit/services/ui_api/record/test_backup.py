@@ -1,5 +1,7 @@
 """Backups: made while somebody writes, restored only where nothing is, ending with the same head."""
 
+import multiprocessing
+import os
 import threading
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -16,7 +18,7 @@ from services.ui_api.record.backup import BackupManifest, back_up
 from services.ui_api.record.database import existing_database, open_database, sqlite_url
 from services.ui_api.record.images import stored_paths
 from services.ui_api.record.record import CaseRecord
-from services.ui_api.record.restore import restore
+from services.ui_api.record.restore import require_record, restore
 from services.ui_api.record.tables import PASSKEYS, USERS
 from services.ui_api.record.unit_of_work import Answer
 from services.ui_api.record.verify import verify_record
@@ -194,3 +196,94 @@ def test_a_backup_takes_an_empty_folder(tmp_path: Path) -> None:
     _filled(engine, tmp_path / "images")
     with pytest.raises(InputError, match="is not an empty folder; a backup needs one of its own"):
         back_up(engine, tmp_path / "images", tmp_path, _AT, "1")
+
+
+@pytest.mark.parametrize("ending", ["-wal", "-shm", "-journal"])
+@pytest.mark.parametrize("database", ["case-record.sqlite", "images/index.sqlite"])
+def test_nothing_is_restored_beside_logs_of_another_database(tmp_path: Path, database: str, ending: str) -> None:
+    engine = open_database(sqlite_url(tmp_path))
+    _filled(engine, tmp_path / "images")
+    _backed_up(engine, tmp_path)
+    log = tmp_path / "other" / f"{database}{ending}"
+    log.parent.mkdir(parents=True)
+    log.write_bytes(b"of another one")
+    name = Path(database).name
+    with pytest.raises(InputError, match=f"has {name}{ending}, left behind by another {name}: .*; move {name}{ending}"):
+        restore(tmp_path / "backup", sqlite_url(tmp_path / "other"), tmp_path / "other" / "images")
+    assert not (tmp_path / "other" / "case-record.sqlite").exists()
+    log.unlink()
+    restore(tmp_path / "backup", sqlite_url(tmp_path / "other"), tmp_path / "other" / "images")
+
+
+def _write_and_be_killed(state: Path, backup: Path) -> None:
+    """A gateway whose process ends between two entries, after a backup and with entries in its log."""
+    engine = open_database(sqlite_url(state))
+    record = record_of(engine)
+    fill(record)
+    back_up(engine, state / "images", backup, _AT, "1")
+    record.append(STEP)
+    os._exit(9)
+
+
+def test_the_log_of_a_killed_gateway_comes_into_no_restored_record(tmp_path: Path) -> None:
+    state, backup = tmp_path / "state", tmp_path / "backup"
+    killed = multiprocessing.get_context("spawn").Process(target=_write_and_be_killed, args=(state, backup))
+    killed.start()
+    killed.join()
+    assert killed.exitcode == 9
+    (state / "case-record.sqlite").unlink()
+    logs = r"case-record\.sqlite-wal and case-record\.sqlite-shm"
+    with pytest.raises(InputError, match=f"has {logs}, left behind by another .*; move {logs} away"):
+        restore(backup, sqlite_url(state), state / "images")
+    for log in state.glob("case-record.sqlite-*"):
+        log.unlink()
+    chain = restore(backup, sqlite_url(state), state / "images")
+    assert (chain.entries, chain) == (2, verify_record(existing_database(sqlite_url(state))))
+
+
+def test_a_file_that_is_no_record_is_named_with_what_to_do(tmp_path: Path) -> None:
+    engine = open_database(sqlite_url(tmp_path))
+    _filled(engine, tmp_path / "images")
+    _backed_up(engine, tmp_path)
+    file = tmp_path / "other" / "case-record.sqlite"
+    file.parent.mkdir()
+    file.write_bytes(b"no database at all" * 100)
+    (tmp_path / "other" / "case-record.sqlite-journal").write_bytes(b"")
+    with pytest.raises(InputError, match=r"no readable case record \(file is not a database\) .* move case-record"):
+        restore(tmp_path / "backup", sqlite_url(tmp_path / "other"), tmp_path / "other" / "images")
+
+
+def test_a_record_that_is_another_one_once_it_lies_there_is_refused(engine: Engine, record_url: str) -> None:
+    fill(record_of(engine))
+    found = verify_record(engine)
+    assert isinstance(found, ChainIntact)
+    require_record(record_url, found)
+    with pytest.raises(InputError, match=r"not the one that was backed up \(expected .*entries=3.* found .*entries=2"):
+        require_record(record_url, ChainIntact(3, found.head_sha256))
+
+
+def test_a_record_that_cannot_be_read_once_it_lies_there_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "case-record.sqlite").write_bytes(b"no database at all" * 100)
+    with pytest.raises(InputError, match="found file is not a database"):
+        require_record(sqlite_url(tmp_path), ChainIntact(1, "a" * 64))
+
+
+def test_documents_that_a_server_changes_while_they_are_restored_are_found(postgresql: Server, tmp_path: Path) -> None:
+    engine = open_database(sqlite_url(tmp_path))
+    _filled(engine, tmp_path / "images")
+    _backed_up(engine, tmp_path)
+    url = postgresql.url(postgresql.make_database())
+    target = open_database(url)
+    with target.begin() as connection:
+        connection.execute(
+            text(
+                "CREATE FUNCTION blank() RETURNS trigger LANGUAGE plpgsql AS "
+                "$$ BEGIN NEW.content = ''; RETURN NEW; END $$; "
+                "CREATE TRIGGER blank BEFORE INSERT ON documents FOR EACH ROW EXECUTE FUNCTION blank()"
+            )
+        )
+    target.dispose()
+    with pytest.raises(
+        InputError, match=r"not the one that was backed up .* found ChainBroken.*was changed"
+    ):
+        restore(tmp_path / "backup", url, tmp_path / "other" / "images")
