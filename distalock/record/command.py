@@ -116,8 +116,14 @@ def _backup(given: argparse.Namespace, settings: UiApiSettings) -> int:
 
 
 def _restore(given: argparse.Namespace, settings: UiApiSettings) -> int:
-    chain = restore(given.folder, settings.record_url(), settings.images())
-    print(f"restored: {chain.entries} events, head {chain.head_sha256}")
+    restored = restore(given.folder, settings.record_url(), settings.images())
+    print(f"restored: {restored.chain.entries} events, head {restored.chain.head_sha256}")
+    kept = restored.kept_index
+    if kept is not None and kept.is_newer:
+        print(
+            f"kept: the index of images in {settings.images()}, which ends with number {kept.newest}; the backup's "
+            f"ends with {kept.of_backup}"
+        )
     return EXIT_GOOD
 
 

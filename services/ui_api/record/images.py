@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 from sqlalchemy import Connection
 
@@ -26,6 +26,14 @@ class CopiedImages:
     copied: int
     missing: tuple[str, ...]
     damaged: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Numbering:
+    """Name of an image store by its index of numbers, and number of its newest image (0: it has none)."""
+
+    store_id: str
+    newest: int
 
 
 def stored_paths(image_dir: Path, sha256: str) -> tuple[Path, ...]:
@@ -84,12 +92,33 @@ def copy_index(source: Path, target: Path) -> bool:
     return True
 
 
-def store_id(image_dir: Path) -> str | None:
-    """Name of the image store by its index of numbers; None when there is none."""
-    if not (image_dir / INDEX_FILE).is_file():
+def read_numbering(image_dir: Path, mode: Literal["ro", "rw"]) -> Numbering | None:
+    """What the index of a folder numbers; None when there is none.
+
+    Parameters
+    ----------
+    mode
+        `rw` where a program may have ended without closing the index: its log is then written into the file.
+
+    Raises
+    ------
+    InputError
+        When it cannot be read.
+    """
+    file = image_dir / INDEX_FILE
+    if not file.is_file():
         return None
     try:
-        with closing(sqlite3.connect(f"file:{image_dir / INDEX_FILE}?mode=ro", uri=True)) as index:
-            return str(index.execute("SELECT id FROM store").fetchone()[0])
+        with closing(sqlite3.connect(f"file:{file}?mode={mode}", uri=True)) as index:
+            named = index.execute("SELECT id FROM store").fetchone()
+            newest = index.execute("SELECT COALESCE(MAX(sequence), 0) FROM images").fetchone()
+            return Numbering(str(named[0]), int(newest[0]))
     except (sqlite3.Error, TypeError) as error:
-        raise InputError(f"{image_dir / INDEX_FILE} cannot be read: {error}") from None
+        raise InputError(f"{file} cannot be read: {error}") from None
+
+
+def image_of_number(image_dir: Path, mode: Literal["ro", "rw"], number: int) -> str | None:
+    """Hash of the image that the index gives a number, or None; opened as `read_numbering` does."""
+    with closing(sqlite3.connect(f"file:{image_dir / INDEX_FILE}?mode={mode}", uri=True)) as index:
+        found = index.execute("SELECT sha256 FROM images WHERE sequence = ?", (number,)).fetchone()
+    return None if found is None else str(found[0])

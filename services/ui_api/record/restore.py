@@ -3,6 +3,7 @@
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from sqlalchemy import Connection, Engine, delete, func, select
@@ -21,15 +22,39 @@ from services.ui_api.record.backup import (
 from services.ui_api.record.database import existing_database, open_database, sole_gateway
 from services.ui_api.record.durable_files import copy_sqlite, logs_beside, require_no_logs, settle
 from services.ui_api.record.engines import cause_of, engine_of, is_sqlite, shown
-from services.ui_api.record.images import INDEX_FILE, copy_images, copy_index, store_id
+from services.ui_api.record.images import INDEX_FILE, copy_images, copy_index, image_of_number, read_numbering
 from services.ui_api.record.rows import copy_rows, writing
 from services.ui_api.record.tables import EVENTS, REFRESH_TOKENS, SESSIONS
 from services.ui_api.record.verify import entries, verify_record
 from shared.errors import ConfigurationError, InputError
 
 
-def restore(folder: Path, url: str, image_dir: Path) -> ChainIntact:
+@dataclass(frozen=True, slots=True)
+class KeptIndex:
+    """Numbers of the newest image by the index of images that lay there, and by the backup's, which goes no further."""
+
+    newest: int
+    of_backup: int
+
+    @property
+    def is_newer(self) -> bool:
+        """Whether images have come since the backup."""
+        return self.newest > self.of_backup
+
+
+@dataclass(frozen=True, slots=True)
+class Restored:
+    """The chain of the record that lies there now, and the index of images that was kept; None: it is the backup's."""
+
+    chain: ChainIntact
+    kept_index: KeptIndex | None
+
+
+def restore(folder: Path, url: str, image_dir: Path) -> Restored:
     """Put a backup where no record is. The record appears last: what broke off can be repeated.
+
+    An index of the same image store that goes further than the backup's is kept: what it numbers must not be numbered
+    again.
 
     Raises
     ------
@@ -43,7 +68,7 @@ def restore(folder: Path, url: str, image_dir: Path) -> ChainIntact:
     engine = engine_of(url)
     with sole_gateway(url), _working_file(engine) as file:
         _require_no_record(url)
-        _require_no_other_index(folder, image_dir)
+        kept = _index_to_keep(folder, image_dir)
         copy_sqlite(folder / RECORD_FILE, file)
         chain, named = checked_copy(file)
         if (chain.entries, chain.head_sha256) != (manifest.events, manifest.head_sha256):
@@ -52,6 +77,8 @@ def restore(folder: Path, url: str, image_dir: Path) -> ChainIntact:
                 f"names {manifest.events} and {manifest.head_sha256}; use another backup"
             )
         _restore_images(manifest, named, folder, image_dir)
+        if kept is None:
+            copy_index(folder / IMAGES_FOLDER, image_dir)
         copy = open_database(f"sqlite:///{file}")  # with this version's schema
         _end_sessions(copy)
         if not is_sqlite(engine):
@@ -62,7 +89,7 @@ def restore(folder: Path, url: str, image_dir: Path) -> ChainIntact:
         if is_sqlite(engine):
             settle(file, Path(str(engine.url.database)))
         require_record(url, chain)
-    return chain
+    return Restored(chain, kept)
 
 
 def require_record(url: str, expected: ChainIntact) -> None:
@@ -88,7 +115,6 @@ def _restore_images(manifest: BackupManifest, named: tuple[str, ...], folder: Pa
         raise InputError(
             f"{len(unknown)} images, such as {min(unknown)}, are missing or damaged in {folder}; use another backup"
         )
-    copy_index(folder / IMAGES_FOLDER, image_dir)
 
 
 @contextmanager
@@ -157,10 +183,22 @@ def _number_of_events(url: str) -> int:
         engine.dispose()
 
 
-def _require_no_other_index(folder: Path, image_dir: Path) -> None:
+def _index_to_keep(folder: Path, image_dir: Path) -> KeptIndex | None:
+    """The index of numbers that lies there, when it goes at least as far as the backup's; None when there is none."""
     index = image_dir / INDEX_FILE
-    if not index.is_file():
+    there, of_backup = read_numbering(image_dir, "rw"), read_numbering(folder / IMAGES_FOLDER, "ro")
+    if there is None:
         require_no_logs(index)
-    there, of_backup = store_id(image_dir), store_id(folder / IMAGES_FOLDER)
-    if there is not None and there != of_backup:
+        return None
+    if of_backup is None or there.store_id != of_backup.store_id:
         raise InputError(f"{index} numbers the images of another installation; restore onto an empty machine")
+    common = min(there.newest, of_backup.newest)
+    if image_of_number(image_dir, "rw", common) != image_of_number(folder / IMAGES_FOLDER, "ro", common):
+        raise InputError(
+            f"{index} and the backup's index give number {common} to different images; restore onto an empty machine"
+        )
+    if there.newest >= of_backup.newest:
+        return KeptIndex(there.newest, of_backup.newest)
+    if logs_beside(index):
+        raise InputError(f"{index} is in use, and ends with number {there.newest} of {of_backup.newest}; end imaging")
+    return None

@@ -8,6 +8,7 @@ import pytest
 from sqlalchemy import text
 
 from distalock.__main__ import main
+from services.imaging.devices.image_index import ImageIndex
 from services.ui_api.core.event_data import GatewayStarted, Step, StepRecorded
 from services.ui_api.core.events import EventDraft
 from services.ui_api.record.database import open_database, sole_gateway, sqlite_url
@@ -74,6 +75,22 @@ def test_a_backup_is_restored(state: Path, tmp_path: Path, capsys: pytest.Captur
     assert capsys.readouterr().out == f"restored: 3 events, head {head}\n"
     assert _run("restore", tmp_path / "backup", state=state) == 2
     assert "restore onto an empty machine" in capsys.readouterr().err
+
+
+def test_a_kept_index_of_images_is_reported(state: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (state / "images").mkdir()
+    index = ImageIndex(state / "images" / "index.sqlite")
+    index.add(1, "a" * 64, b"", in_run=False)
+    assert _run("backup", tmp_path / "backup", state=state) == 0
+    for number in (2, 3):
+        index.add(number, "b" * 64, b"", in_run=False)
+    for file in state.glob(f"{_FILE}*"):
+        file.unlink()
+    assert _run("restore", tmp_path / "backup", state=state) == 0
+    assert f"kept: the index of images in {state / 'images'}, which ends with number 3; the backup's ends with 1" in (
+        capsys.readouterr().out
+    )
+    assert index.newest_sequence() == 3
 
 
 def _cut_the_end(state: Path) -> None:

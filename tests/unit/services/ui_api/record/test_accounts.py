@@ -116,10 +116,10 @@ def test_a_backup_has_the_accounts_and_what_is_restored_has_no_sessions(engine: 
     nora(here)
     tokens = session_of(here)
     back_up(engine, tmp_path / "images", tmp_path / "backup", datetime(2026, 1, 2, tzinfo=UTC), "1")
-    chain = restore(tmp_path / "backup", sqlite_url(tmp_path / "other"), tmp_path / "other" / "images")
+    restored = restore(tmp_path / "backup", sqlite_url(tmp_path / "other"), tmp_path / "other" / "images")
     engine_there = open_database(sqlite_url(tmp_path / "other"))
     there = opened(engine_there, time)
-    assert verify_record(engine_there) == chain
+    assert verify_record(engine_there) == restored.chain
     kept = there.accounts.account("nora")
     assert Passwords().matches(PASSWORD, kept.password_hash)
     assert refusal(there.sessions, tokens.refresh_token) == "refresh_token_invalid"

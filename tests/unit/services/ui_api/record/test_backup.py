@@ -1,7 +1,10 @@
 """Backups: made while somebody writes, restored only where nothing is, ending with the same head."""
 
+import contextlib
 import multiprocessing
 import os
+import shutil
+import sqlite3
 import threading
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -18,7 +21,7 @@ from services.ui_api.record.backup import BackupManifest, back_up
 from services.ui_api.record.database import existing_database, open_database, sqlite_url
 from services.ui_api.record.images import stored_paths
 from services.ui_api.record.record import CaseRecord
-from services.ui_api.record.restore import require_record, restore
+from services.ui_api.record.restore import KeptIndex, require_record, restore
 from services.ui_api.record.tables import PASSKEYS, USERS
 from services.ui_api.record.unit_of_work import Answer
 from services.ui_api.record.verify import verify_record
@@ -61,7 +64,7 @@ def test_a_restored_record_ends_with_the_same_head(engine: Engine, other_url: st
         unit.remember("key", "a" * 64, Answer(201, "{}", {}))
     made = _backed_up(engine, tmp_path)
     assert (made.events, made.images, made.is_complete) == (3, 1, True)
-    chain = restore(tmp_path / "backup", other_url, tmp_path / "other" / "images")
+    chain = restore(tmp_path / "backup", other_url, tmp_path / "other" / "images").chain
     restored = open_database(other_url)
     assert chain == verify_record(restored) == ChainIntact(3, made.head_sha256)
     again = record_of(restored)
@@ -237,7 +240,7 @@ def test_the_log_of_a_killed_gateway_comes_into_no_restored_record(tmp_path: Pat
         restore(backup, sqlite_url(state), state / "images")
     for log in state.glob("case-record.sqlite-*"):
         log.unlink()
-    chain = restore(backup, sqlite_url(state), state / "images")
+    chain = restore(backup, sqlite_url(state), state / "images").chain
     assert (chain.entries, chain) == (2, verify_record(existing_database(sqlite_url(state))))
 
 
@@ -283,7 +286,88 @@ def test_documents_that_a_server_changes_while_they_are_restored_are_found(postg
             )
         )
     target.dispose()
-    with pytest.raises(
-        InputError, match=r"not the one that was backed up .* found ChainBroken.*was changed"
-    ):
+    with pytest.raises(InputError, match=r"not the one that was backed up .* found ChainBroken.*was changed"):
         restore(tmp_path / "backup", url, tmp_path / "other" / "images")
+
+
+def _index(folder: Path, *images: str, store: str = "store") -> Path:
+    """An index as imaging writes it: images by their numbers from 1."""
+    file = folder / "index.sqlite"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.unlink(missing_ok=True)
+    with contextlib.closing(sqlite3.connect(file, isolation_level=None)) as index:
+        index.execute("PRAGMA journal_mode = WAL")
+        index.execute("CREATE TABLE store (id TEXT NOT NULL)")
+        index.execute("CREATE TABLE images (sequence INTEGER PRIMARY KEY, sha256 TEXT NOT NULL)")
+        index.execute("INSERT INTO store VALUES (?)", (store,))
+        index.executemany("INSERT INTO images VALUES (?, ?)", enumerate(images, 1))
+    return file
+
+
+def _numbered(file: Path) -> list[str]:
+    with contextlib.closing(sqlite3.connect(file)) as index:
+        return [row[0] for row in index.execute("SELECT sha256 FROM images ORDER BY sequence")]
+
+
+@pytest.fixture
+def backup_of_two(tmp_path: Path) -> Path:
+    """A backup whose index of images ends with number 2."""
+    engine = open_database(sqlite_url(tmp_path))
+    _filled(engine, tmp_path / "images")
+    _index(tmp_path / "images", "a", "b")
+    _backed_up(engine, tmp_path)
+    return tmp_path / "backup"
+
+
+@pytest.mark.parametrize(
+    ("there", "kept", "after"),
+    [
+        ("abcd", KeptIndex(4, 2), "abcd"),
+        ("ab", KeptIndex(2, 2), "ab"),
+        ("a", None, "ab"),
+        ("", None, "ab"),
+    ],
+)
+def test_numbers_of_images_never_go_back(
+    backup_of_two: Path, tmp_path: Path, there: str, kept: KeptIndex | None, after: str
+) -> None:
+    file = _index(tmp_path / "other" / "images", *there)
+    restored = restore(backup_of_two, sqlite_url(tmp_path / "other"), file.parent)
+    assert (restored.kept_index, _numbered(file)) == (kept, list(after))
+
+
+def test_an_index_that_imaging_left_with_its_log_is_kept_with_it(backup_of_two: Path, tmp_path: Path) -> None:
+    file = _index(tmp_path / "other" / "images", *"ab")
+    with contextlib.closing(sqlite3.connect(file, isolation_level=None)) as imaging:
+        imaging.execute("INSERT INTO images VALUES (3, 'c')")
+        for ending in ("", "-wal"):
+            shutil.copy(f"{file}{ending}", f"{tmp_path}/killed{ending}")
+    for ending in ("", "-wal"):
+        shutil.copy(f"{tmp_path}/killed{ending}", f"{file}{ending}")
+    restored = restore(backup_of_two, sqlite_url(tmp_path / "other"), file.parent)
+    assert (restored.kept_index, _numbered(file)) == (KeptIndex(3, 2), list("abc"))
+
+
+def test_an_index_is_not_replaced_while_imaging_uses_it(backup_of_two: Path, tmp_path: Path) -> None:
+    file = _index(tmp_path / "other" / "images", "a")
+    with contextlib.closing(sqlite3.connect(file)) as imaging:
+        imaging.execute("SELECT * FROM images").fetchall()
+        with pytest.raises(InputError, match="is in use, and ends with number 1 of 2; end imaging"):
+            restore(backup_of_two, sqlite_url(tmp_path / "other"), file.parent)
+
+
+@pytest.mark.parametrize(
+    ("images", "store", "finding"),
+    [
+        ("axc", "store", "index give number 2 to different images; restore onto an empty machine"),
+        ("x", "store", "index give number 1 to different images"),
+        ("abc", "another", "numbers the images of another installation"),
+    ],
+)
+def test_an_index_of_other_images_is_refused(
+    backup_of_two: Path, tmp_path: Path, images: str, store: str, finding: str
+) -> None:
+    file = _index(tmp_path / "other" / "images", *images, store=store)
+    with pytest.raises(InputError, match=finding):
+        restore(backup_of_two, sqlite_url(tmp_path / "other"), file.parent)
+    assert _numbered(file) == list(images)
