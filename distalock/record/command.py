@@ -139,6 +139,8 @@ def _anonymise(given: argparse.Namespace, settings: UiApiSettings) -> int:
 
 def _written(written: WrittenFolder, folder: Path) -> int:
     print(f"wrote {written.files} files; begin with {folder / 'README.md'}")
+    head = "" if written.head_sha256 is None else f" --head {written.head_sha256}"
+    print(f"send another way: python3 check.py --sums {written.sums_sha256} --events {written.events}{head}")
     for sentence in written.missing:
         print(sentence)
     return EXIT_ATTENTION if written.missing else EXIT_GOOD

@@ -19,24 +19,65 @@ _EXPLAINED: Final = {
     "under the hash by which events name it",
     "images": "the X-ray images in the order of receipt: as stored (DICOM), and as a picture for people (PNG)",
     "chain.jsonl": "number and hashes of every event of the record, also of other cases, whose content is not here",
-    "check.py": "checks all of this: `python3 check.py`",
+    "check.py": "checks this folder: `python3 check.py`; what that proves stands below",
     "SHA256SUMS": "hash of every file: `sha256sum --check SHA256SUMS`",
 }
 _CHAIN: Final = """
 ## How the chain is checked
 Each event carries the hash of the one before it. The hash of an event is the SHA-256 of a JSON list: hash of the event
 before, number, time in nanoseconds since 1970, case, who, why, kind, and its data as JSON text with sorted keys and
-without spaces. Whoever has the hash of the record's last event (`distalock record verify` prints it, anchors keep it)
-knows that nothing that stands here was changed.
+without spaces. `check.py` computes it anew for every event of this case, and compares documents and images (DICOM) with
+the hashes by which events name them. `report.html` and pictures of images (PNG) are made from these for people; only
+`SHA256SUMS` is over them.
+
+## What the check proves, and what it does not
+`check.py` finds damage, and changes by somebody who did not compute every hash anew. It does not find somebody who
+rewrote this whole folder consistently, or `check.py` itself. For that, use a `check.py` from distalock's source
+(`services/ui_api/record/export/`), as `python3 check.py FOLDER`, and give it what whoever exported the case has sent
+you another way (`distalock record export` prints it):
+
+- `--sums SHA256`, the hash of `SHA256SUMS`: proves that every file is as it was exported. The others prove less:
+- `--events NUMBER`, how many events the case has: shows that one was taken out or put in.
+- `--head SHA256`, the hash of the record's last event when the case was exported: proves the last events of the case,
+  up to the nearest event that is not of this case. Of such an event only the hash is here, which nobody can compute
+  anew: an event before it can be changed, and the chain with it, and the head stays. `check.py` prints how many events
+  the head covers.
+
+Whoever has the record can export the case again: `events.jsonl`, documents and images are then the same byte for byte.
+Nothing here proves that what was recorded is true, or that its time is right: it is that of the gateway's clock.
+"""
+_NO_CHAIN: Final = """
+## What the check proves, and what it does not
+`check.py` compares every file with `SHA256SUMS`, and nothing more: there is no chain. Whoever changes a file and
+rewrites `SHA256SUMS` is found only with the hash of `SHA256SUMS`, sent another way (`distalock record anonymise` prints
+it): `python3 check.py FOLDER --sums SHA256`, with a `check.py` from distalock's source
+(`services/ui_api/record/export/`).
 """
 
 
 @dataclass(frozen=True, slots=True)
 class WrittenFolder:
-    """What was written: number of files, and what is missing, one sentence each."""
+    """What was written.
+
+    Attributes
+    ----------
+    files
+        Number of files.
+    missing
+        What is missing, one sentence each.
+    sums_sha256
+        Hash of `SHA256SUMS`: with it every file can be proven to be as it was written.
+    events
+        How many events the case has.
+    head_sha256
+        Hash of the record's last event; None without a chain.
+    """
 
     files: int
     missing: tuple[str, ...]
+    sums_sha256: str
+    events: int
+    head_sha256: str | None
 
 
 @dataclass(slots=True)
@@ -73,11 +114,12 @@ def write_folder(case: CaseContent, folder: Path, notes: tuple[str, ...] = ()) -
     files.put("report.html", report_html(case, pictures, notes).encode())
     missing = tuple(f"image {image.sha256}: {image.note}" for image in case.images if image.note)
     files.put("README.md", _readme(case, files, notes, missing).encode())
-    sums = "".join(f"{sha256_of(content)}  {name}\n" for name, content in sorted(files.content.items()))
+    sums = "".join(f"{sha256_of(content)}  {name}\n" for name, content in sorted(files.content.items())).encode()
     for name, content in files.content.items():
         write_durably(folder / name, (content,))
-    write_durably(folder / "SHA256SUMS", (sums.encode(),))
-    return WrittenFolder(len(files.content) + 1, missing)
+    write_durably(folder / "SHA256SUMS", (sums,))
+    head = str(case.chain[-1]["sha256"]) if case.chain else None
+    return WrittenFolder(len(files.content) + 1, missing, sha256_of(sums), len(case.events), head)
 
 
 def _put_documents(case: CaseContent, files: _Files) -> dict[str, str]:
@@ -117,7 +159,7 @@ def _readme(case: CaseContent, files: _Files, notes: tuple[str, ...], missing: t
     ]
     if missing:
         lines += ["", "## What is missing", *(f"- {sentence}" for sentence in missing)]
-    return "\n".join(lines) + "\n" + (_CHAIN if case.chain is not None else "")
+    return "\n".join(lines) + "\n" + (_CHAIN if case.chain is not None else _NO_CHAIN)
 
 
 def _lines(objects: tuple[Json, ...]) -> bytes:

@@ -1,6 +1,7 @@
 """`distalock record`: what it prints, and its exit codes."""
 
 import contextlib
+import re
 import sqlite3
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from services.ui_api.core.event_data import GatewayStarted, Step, StepRecorded
 from services.ui_api.core.events import EventDraft
 from services.ui_api.record.database import open_database, sole_gateway, sqlite_url
 from services.ui_api.record.record import CaseRecord
+from shared.parts.files import sha256_of
 from tests.unit.services.ui_api.record.filled import fill, record_of
 from tests.unit.services.ui_api.record.handed_over import put_image
 
@@ -91,6 +93,17 @@ def test_a_kept_index_of_images_is_reported(state: Path, tmp_path: Path, capsys:
         capsys.readouterr().out
     )
     assert index.newest_sequence() == 3
+
+
+@pytest.mark.parametrize(("action", "head"), [("export", r" --head [0-9a-f]{64}"), ("anonymise", "")])
+def test_what_is_to_be_sent_another_way_is_printed(
+    state: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], action: str, head: str
+) -> None:
+    _a_closed_case(state)
+    assert _run(action, "case-1", "--out", tmp_path / "out", state=state) == 0
+    sums = sha256_of((tmp_path / "out" / "SHA256SUMS").read_bytes())
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert re.fullmatch(rf"send another way: python3 check\.py --sums {sums} --events 3{head}", last), last
 
 
 def _cut_the_end(state: Path) -> None:

@@ -2,6 +2,8 @@
 
 import io
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +42,26 @@ def test_nothing_of_anybody_is_left(folder: tuple[Path, list[str]]) -> None:
         content = file.read_bytes().lower()
         found = [text for text in forbidden if text.lower().encode() in content or text in file.name]
         assert not found, (file.name, found)
+
+
+def _check(folder: Path, *given: str) -> tuple[int, str]:
+    command = [sys.executable, "-I", "check.py", *given]
+    checked = subprocess.run(command, cwd=folder, check=False, capture_output=True, text=True)
+    assert not checked.stderr, checked.stderr
+    return checked.returncode, checked.stdout
+
+
+def test_a_stranger_can_check_the_files_and_learns_that_there_is_no_chain(folder: tuple[Path, list[str]]) -> None:
+    out, _ = folder
+    code, printed = _check(out)
+    assert code == 0
+    assert (
+        "de-identified: there is no chain; events, documents and images were compared with SHA256SUMS alone" in printed
+    )
+    assert "SHA-256 of SHA256SUMS: " in printed
+    assert "head of the record" not in printed
+    assert _check(out, "--head", "a" * 64) == (1, f"head of the record: not in this export; expected was {'a' * 64}\n")
+    assert "and nothing more: there is no chain" in (out / "README.md").read_text()
 
 
 def test_the_procedure_can_still_be_followed(folder: tuple[Path, list[str]]) -> None:
