@@ -7,6 +7,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from benchmarks.accuracy.localised_scenes import SceneRow
 from shared.errors import InputError
+from shared.json_lines import json_lines
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,7 @@ def read_rows(file: Path) -> list[StoredRow]:
     if not file.exists():
         return []
     rows, others = [], []
-    for line in file.read_text().splitlines():
+    for line in json_lines(file.read_text()):
         try:
             rows.append(_STORED.validate_json(line))
         except ValidationError:

@@ -28,6 +28,7 @@ from benchmarks.scenes.random_scenes import scene_of_seed
 from benchmarks.scenes.varied_parts import write_parts
 from distalock.locate import NominalOptions, locate_image, read_parts
 from shared.arguments import OneLineParser
+from shared.json_lines import json_lines
 from simulation.render.image import render_scene
 from simulation.world.poses import starting_state
 
@@ -159,7 +160,7 @@ def compare(before: Path, after: Path, subset: Subset) -> int:
 
 
 def _by_image(file: Path) -> dict[str, dict[str, Any]]:
-    return {row["image"]: row for row in map(json.loads, file.read_text().splitlines())}
+    return {row["image"]: row for row in map(json.loads, json_lines(file.read_text()))}
 
 
 def verdict_of(row: dict[str, Any]) -> tuple[str, ...]:

@@ -30,6 +30,7 @@ from rich.progress import Progress
 from distalock.arguments import OneLineParser, seed_number, whole_number, writable_file
 from distalock.version import revision
 from shared.errors import InputError
+from shared.json_lines import json_lines
 
 R = TypeVar("R")
 K = TypeVar("K", int, str)
@@ -149,7 +150,7 @@ class RowFile(Generic[R]):
         if self._file is None or not self._file.exists():
             return {}
         found: dict[str, R] = {}
-        for line in self._file.read_text().splitlines():
+        for line in json_lines(self._file.read_text()):
             try:
                 entry = json.loads(line)
                 found[entry["key"]] = self._row.validate_python(entry["row"])

@@ -13,6 +13,7 @@ from typing import Final
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
 from shared.errors import ConfigurationError
+from shared.json_lines import json_lines
 from shared.parts.lengths import MeasuredLength
 
 APPROVALS_FILE: Final = "approved-parts.jsonl"
@@ -48,7 +49,7 @@ class PartApprovals:
     def all(self) -> tuple[Approval, ...]:
         """The approvals, the oldest first; raises `ConfigurationError` when the file cannot be read."""
         try:
-            lines = self._file.read_text(encoding="utf-8").splitlines()
+            lines = json_lines(self._file.read_text(encoding="utf-8"))
         except FileNotFoundError:
             return ()
         except (OSError, UnicodeDecodeError) as error:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from shared.errors import InputError
+from shared.json_lines import json_lines
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 _MARK: Final = "requirement"
@@ -110,7 +111,7 @@ def read_results(folder: Path) -> Results:
     outcomes: dict[tuple[str, str], list[str]] = {}
     begun, sources = [], set()
     for file in sorted(folder.glob("*.jsonl")):
-        for line in file.read_text(encoding="utf-8").splitlines():
+        for line in json_lines(file.read_text(encoding="utf-8")):
             try:
                 row = json.loads(line)
                 where, _, name = row["test"].partition("::")

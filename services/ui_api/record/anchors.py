@@ -13,6 +13,7 @@ from services.ui_api.core.chain import ChainBroken, ChainIntact
 from services.ui_api.record.tables import EVENTS
 from services.ui_api.record.verify import verify_record
 from shared.errors import InputError
+from shared.json_lines import json_lines
 
 _ANCHOR = TypeAdapter(Anchor)
 
@@ -21,7 +22,7 @@ def read_anchors(file: Path) -> list[Anchor]:
     """All anchors; raises `InputError` when the file cannot be read or a line is none."""
     anchors: list[Anchor] = []
     try:
-        lines = file.read_text(encoding="utf-8").splitlines()
+        lines = json_lines(file.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"anchors {file} cannot be read: {error}") from None
     for number, line in enumerate(lines, 1):

@@ -34,6 +34,14 @@ def test_an_approval_names_who_when_and_what_and_is_private(tmp_path: Path) -> N
     assert stat.S_IMODE((tmp_path / "state" / APPROVALS_FILE).stat().st_mode) == 0o600
 
 
+@pytest.mark.parametrize("end", ["\u2028", "\u0085", "\x1c"])
+def test_any_end_of_a_line_may_stand_in_a_name(tmp_path: Path, end: str) -> None:
+    approvals = PartApprovals(tmp_path)
+    for sha256 in (SHA256, "0" * 64):
+        approvals.add(approval_of(RING, sha256, f"ring{end}.json", f"Dr{end}A", NOW))
+    assert [(one.file_name, one.approved_by) for one in approvals.all()] == [(f"ring{end}.json", f"Dr{end}A")] * 2
+
+
 def test_a_damaged_line_is_named(tmp_path: Path) -> None:
     approvals = PartApprovals(tmp_path)
     approvals.add(approval_of(RING, SHA256, "ring.json", "Dr A", NOW))
