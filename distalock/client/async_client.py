@@ -168,6 +168,6 @@ class AsyncClient(AsyncMethods):
                 assert refusal is not None
                 raise refusal
             lines = EventLines()
-            async for line in stream.aiter_lines():
-                for event in lines.events(line):
+            async for chunk in stream.aiter_bytes():
+                for event in lines.received(chunk):
                     yield event

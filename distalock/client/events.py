@@ -1,4 +1,4 @@
-"""Server-sent events: lines in, events out. Pure."""
+"""Server-sent events: bytes in, events out. Pure."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -54,12 +54,21 @@ class Event:
 
 @dataclass(slots=True)
 class EventLines:
-    """Puts lines together to events, as the standard on server-sent events says; comments keep the line alive."""
+    """Puts lines together to events, as the standard on server-sent events says; comments keep the line alive.
 
+    Lines end with a line feed, as the gateway ends them: a text may hold U+2028 and others, at which `httpx` splits.
+    """
+
+    _begun: bytes = b""
     _data: list[str] = field(default_factory=list)
 
-    def events(self, line: str) -> Iterator[Event]:
-        """The event that ends with this line, if one does."""
+    def received(self, chunk: bytes) -> Iterator[Event]:
+        """The events that end with these bytes."""
+        *lines, self._begun = (self._begun + chunk).split(b"\n")
+        for line in lines:
+            yield from self._ended(line.decode(errors="replace").removesuffix("\r"))
+
+    def _ended(self, line: str) -> Iterator[Event]:
         if line:
             name, _, value = line.partition(":")
             if name == "data":

@@ -171,5 +171,5 @@ class Client(Methods):
                 assert refusal is not None
                 raise refusal
             lines = EventLines()
-            for line in stream.iter_lines():
-                yield from lines.events(line)
+            for chunk in stream.iter_bytes():
+                yield from lines.received(chunk)

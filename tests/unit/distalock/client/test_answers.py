@@ -20,9 +20,10 @@ def sent(kind: str, data: object) -> str:
     return json.dumps({**HEAD, "kind": kind, "data": data})
 
 
-def heard(*lines: str) -> list[Event]:
-    put_together = EventLines()
-    return [event for line in lines for event in put_together.events(line)]
+def heard(*lines: str, end: str = "\r\n", chunk: int = 1000) -> list[Event]:
+    put_together, sent_bytes = EventLines(), "".join(line + end for line in lines).encode()
+    chunks = (sent_bytes[start : start + chunk] for start in range(0, len(sent_bytes), chunk))
+    return [event for one in chunks for event in put_together.received(one)]
 
 
 def test_lines_become_events_and_comments_none() -> None:
@@ -34,6 +35,15 @@ def test_lines_become_events_and_comments_none() -> None:
 def test_an_event_over_several_lines_is_one() -> None:
     half, rest = sent("presence_changed", {"service": "robot", "alive": True}).split(", ", 1)
     assert [event.who for event in heard(f"data: {half},", f"data:{rest}", "")] == ["robot"]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+@pytest.mark.parametrize("chunk", [1, 2, 7, 1000])
+def test_a_text_with_other_ends_of_lines_is_one_line(end: str, chunk: int) -> None:
+    why = "first\u2028second\u0085third\x1c\u00e9"
+    text = json.dumps({**HEAD, "why": why, "kind": "invented_later", "data": {}}, ensure_ascii=False)
+    lines = (f"data: {text}", "")
+    assert [event.why for event in heard(*lines, *lines, end=end, chunk=chunk)] == [why, why]
 
 
 def test_a_kind_of_event_that_is_not_known_comes_as_it_is() -> None:

@@ -1,6 +1,7 @@
 """Both clients against a gateway: a case, what is quoted, what is refused, sessions, and the stream of events."""
 
 import asyncio
+import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -140,6 +141,21 @@ def test_events_are_typed_and_resumable(client: Client) -> None:
     assert (found.data.step, found.case_id) == ("ring_remounted", case.id)
     events.close()
     later.close()
+
+
+@pytest.mark.parametrize("end", ["\u2028", "\u0085", "\x1c"])
+def test_any_end_of_a_line_may_stand_in_a_reason(room: Room, client: Client, end: str) -> None:
+    why = f"first{end}second"
+    case = client.open_case(SET_UP)
+    client.record_step(case.id, StepBody(step="ring_remounted", why=why))
+    with contextlib.closing(client.case_events(case.id)) as events:
+        assert next(one for one in events if one.kind == "step_recorded").why == why
+
+    async def read() -> str:
+        async with AsyncClient(str(room.client.base_url), TOKEN) as awaited:
+            return await anext(one.why async for one in awaited.case_events(case.id) if one.kind == "step_recorded")
+
+    assert asyncio.run(read()) == why
 
 
 def test_a_stream_that_is_refused_raises(room: Room) -> None:
