@@ -65,7 +65,7 @@ def test_verify_says_when_a_record_cannot_be_read(state: Path, capsys: pytest.Ca
     assert _run("verify", state=state) == 2
     said = capsys.readouterr().err
     assert "cannot be used" in said
-    assert len(said.splitlines()) == 1
+    assert len(_sentences(said)) == 1
 
 
 def test_a_backup_is_restored(state: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -185,5 +185,10 @@ def test_an_index_of_images_that_is_none_is_one_sentence(state: Path, capsys: py
     assert _run("prune", "--apply", "--by", "Dr B", state=state) == 2
     said = capsys.readouterr().err
     assert "which cannot be written: file is not a database; end imaging" in said
-    assert len(said.splitlines()) == 1
+    assert len(_sentences(said)) == 1
     assert _run("verify", state=state) == 0
+
+
+def _sentences(said: str) -> list[str]:
+    """Lines for people; where another test of this process has started a service, its log goes to stderr as well."""
+    return [line for line in said.splitlines() if not line.startswith("{")]
