@@ -4,8 +4,10 @@ Two frames differ by their noise, by the brightness control's gain, and where so
 separate motion from noise: noise hardly changes them, a ball's edge that moved by half a pixel does.
 """
 
+import sys
+from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -116,6 +118,15 @@ def _differs(frame: FloatImage, mean: FloatImage, limits: MotionLimits) -> bool:
     return frame.shape != mean.shape or moved_part(frame, mean) > limits.moved_blocks
 
 
-def longest_still_run(frames: Iterable[FloatImage], limits: MotionLimits | None = None) -> StillRun | None:
-    """The longest piece in which nothing moved; None when there is no frame."""
-    return max(still_runs(frames, limits), key=lambda run: run.frames, default=None)
+def last_still_run(frames: Iterable[FloatImage], limits: MotionLimits | None = None) -> StillRun | None:
+    """The piece with which a sequence ends: what is seen last is what is there now.
+
+    Returns
+    -------
+    StillRun | None
+        Also a piece shorter than `least_frames`: an earlier and longer one may show what is no longer there. It has
+        every frame since the last motion, however many `most_frames` are. None when there is no frame.
+    """
+    every = replace(limits or MotionLimits(), most_frames=sys.maxsize)
+    last = deque(still_runs(frames, every), maxlen=1)
+    return last.pop() if last else None

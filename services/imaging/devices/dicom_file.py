@@ -1,6 +1,6 @@
 """Read one DICOM image, and make one from plain pixels.
 
-A run of frames is averaged over its longest piece in which nothing moves. What the grey values mean is in
+A run of frames is averaged from its last motion to its end. What the grey values mean is in
 `dicom_pixels`.
 """
 
@@ -18,7 +18,8 @@ from pydicom.dataset import Dataset, FileMetaDataset
 from pydicom.errors import BytesLengthException, InvalidDicomError
 from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage, generate_uid
 
-from services.imaging.core.still_frames import MotionLimits, longest_still_run
+from services.imaging.core.still_frames import MotionLimits, last_still_run
+from services.imaging.core.tuning import STILL_FRAMES
 from services.imaging.devices.decoded_size import require_bounded_file, require_stated_size
 from services.imaging.devices.dicom_pixels import grey_frames
 from services.imaging.devices.received_image import (
@@ -69,7 +70,7 @@ def read_dicom(content: bytes, source: str) -> ReceivedImage:
     Raises
     ------
     ImageUnreadable
-        When it is truncated, not grey, moving all the time, or compressed in a way that cannot be decoded.
+        When it is truncated, not grey, moving at its end, or compressed in a way that cannot be decoded.
     """
     try:
         require_bounded_file(content, source)
@@ -122,22 +123,24 @@ def _require_pixels(dataset: Dataset, source: str) -> None:
 
 
 def _still(frames: NDArray[np.float32], source: str) -> NDArray[np.float32]:
-    """The mean of the frames that stand still, shape (rows, columns).
+    """The mean of the frames after the last motion, shape (rows, columns).
+
+    The image is bound to where the robot stands when it arrives: frames from before a motion show another place.
 
     Raises
     ------
     ImageUnreadable
-        When something moves all the time.
+        When too few frames stand still at the end.
     """
     if len(frames) == 1:
         return np.asarray(frames[0])
-    limits = MotionLimits(most_frames=len(frames), least_frames=min(len(frames), 3))
-    run = longest_still_run(frames, limits)
+    limits = MotionLimits(least_frames=min(len(frames), STILL_FRAMES.least_frames))
+    run = last_still_run(frames, limits)
     if run is None or run.frames < limits.least_frames:
         still = 0 if run is None else run.frames
         raise ImageUnreadable(
-            f"{source}: in a run of {len(frames)} frames at most {still} in a row stand still (at least "
-            f"{limits.least_frames}); hold leg and C-arm still and take another run"
+            f"{source}: a run of {len(frames)} frames ends with {still} after its last motion (at least "
+            f"{limits.least_frames}); hold leg and C-arm still until the run ends and take another run"
         )
     return run.mean
 

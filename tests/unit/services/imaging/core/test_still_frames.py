@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.imaging.core.still_frames import MotionLimits, longest_still_run, moved_part, still_runs
+from services.imaging.core.still_frames import MotionLimits, last_still_run, moved_part, still_runs
 
 Array = NDArray[np.float32]
 LIMITS = MotionLimits(most_frames=8)
@@ -63,11 +63,24 @@ def test_a_long_still_view_gives_one_piece() -> None:
     assert [r.frames for r in still_runs(frames(*[0.0] * 20, *[5.0] * 3), LIMITS)] == [8, 3]
 
 
-def test_the_longest_piece_is_chosen() -> None:
-    longest = longest_still_run(frames(0, 4, 8, 8, 8, 8, 12, 12), MotionLimits(most_frames=99))
-    assert longest is not None
-    assert longest.frames == 4
-    assert longest_still_run(iter(()), LIMITS) is None
+def test_the_piece_at_the_end_is_chosen() -> None:
+    last = last_still_run(frames(*[0.0] * 6, 4, *[8.0] * 3))
+    assert last is not None
+    assert last.frames == 3
+    assert np.abs(last.mean - scene(8.0)).mean() < np.abs(last.mean - scene(0.0)).mean() / 4.0
+    assert last_still_run(iter(())) is None
+
+
+def test_a_short_end_is_not_replaced_by_a_longer_piece_before_it() -> None:
+    last = last_still_run(frames(*[0.0] * 6, 4))
+    assert last is not None
+    assert last.frames == 1
+
+
+def test_a_long_end_is_averaged_whole() -> None:
+    last = last_still_run(frames(*[0.0] * 20), LIMITS)
+    assert last is not None
+    assert last.frames == 20
 
 
 def test_frames_of_another_size_are_another_view() -> None:

@@ -131,7 +131,25 @@ def test_a_run_in_which_all_moves_is_refused() -> None:
     rng = np.random.default_rng(3)
     frames = np.stack([ball_at(20.0 + 4.0 * i, rng) for i in range(8)])
     with pytest.raises(
-        ImageUnreadable, match=r"run of 8 frames at most 1 in a row stand still \(at least 3\); hold leg"
+        ImageUnreadable, match=r"run of 8 frames ends with 1 after its last motion \(at least 3\); hold leg"
+    ):
+        read_dicom(run_of(frames), "run")
+
+
+def test_a_run_across_a_motion_shows_the_place_after_it() -> None:
+    """A run that was recorded while the robot moved is bound to where the robot stands when the run arrives."""
+    rng = np.random.default_rng(5)
+    before, moving = [20.0] * 20, [20.0 + 4.0 * k for k in range(1, 11)]
+    frames = np.stack([ball_at(x, rng) for x in (*before, *moving, *[80.0] * 10)])
+    assert read_dicom(run_of(frames), "run").pixels == pytest.approx(frames[-10:].mean(axis=0), abs=0.1)
+
+
+def test_a_run_that_ends_soon_after_a_motion_is_refused() -> None:
+    rng = np.random.default_rng(6)
+    frames = np.stack([ball_at(x, rng) for x in (*[20.0] * 20, 60.0, 60.0)])
+    with pytest.raises(
+        ImageUnreadable,
+        match=r"run of 22 frames ends with 2 after its last motion \(at least 3\); hold leg and C-arm still until the",
     ):
         read_dicom(run_of(frames), "run")
 
