@@ -63,7 +63,10 @@ def moved_part(frame: FloatImage, reference: FloatImage) -> float:
         Shape (rows, columns) each.
     """
     difference = frame - _gain(frame, reference) * reference
-    noise = DEVIATION_PER_MEDIAN * float(np.median(np.abs(np.diff(difference, axis=1)))) / np.sqrt(2.0)
+    steps = np.diff(difference, axis=1)
+    np.abs(steps, out=steps)
+    noise = DEVIATION_PER_MEDIAN * float(np.median(steps, overwrite_input=True)) / np.sqrt(2.0)
+    del steps
     sampled = reference[:: STILL_FRAMES.sampled_px, :: STILL_FRAMES.sampled_px]
     low, high = np.percentile(sampled, [STILL_FRAMES.darkest_percentile, STILL_FRAMES.brightest_percentile])
     size = np.abs(_blocks(difference))
@@ -100,18 +103,26 @@ def still_runs(frames: Iterable[FloatImage], limits: MotionLimits | None = None)
     total: NDArray[np.float64] = np.zeros((0, 0))
     count = 0
     for frame in frames:
-        if count and _differs(frame, (total / count).astype(np.float32), limits):
+        if count and _differs(frame, _mean(total, count), limits):
             if count < limits.most_frames:
-                yield StillRun((total / count).astype(np.float32), count)
+                yield StillRun(_mean(total, count), count)
             count = 0
         if count == limits.most_frames:
             continue
-        total = total + frame if count else frame.astype(np.float64)
+        if count:
+            total += frame
+        else:
+            total = frame.astype(np.float64)
         count += 1
         if count == limits.most_frames:
-            yield StillRun((total / count).astype(np.float32), count)
+            yield StillRun(_mean(total, count), count)
     if 0 < count < limits.most_frames:
-        yield StillRun((total / count).astype(np.float32), count)
+        yield StillRun(_mean(total, count), count)
+
+
+def _mean(total: NDArray[np.float64], count: int) -> FloatImage:
+    """Rounded as it is divided: an image of double precision between them would be the largest of all."""
+    return np.divide(total, count, out=np.empty(total.shape, np.float32), casting="same_kind")
 
 
 def _differs(frame: FloatImage, mean: FloatImage, limits: MotionLimits) -> bool:

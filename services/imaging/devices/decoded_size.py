@@ -17,8 +17,8 @@ from pydicom.uid import DeflatedExplicitVRLittleEndian
 
 from shared.errors import ImageUnreadable
 
-# The largest run that is read, 256 Mi pixels of 16 bits.
-MOST_FILE_BYTES: Final = 2**29
+# The largest run that is read, 64 Mi pixels of 16 bits, and 16 MiB of attributes.
+MOST_FILE_BYTES: Final = 2**27 + 2**24
 # A decoder may pad to whole blocks of 8 or 16 pixels.
 _PADDING_PX: Final = 16
 _PREAMBLE_BYTES: Final = 132

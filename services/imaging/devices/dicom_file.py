@@ -7,7 +7,7 @@ A run of frames is averaged from its last motion to its end. What the grey value
 import hashlib
 import struct
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from io import BytesIO
 from typing import Final, Literal
 
@@ -21,7 +21,7 @@ from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage, ge
 from services.imaging.core.still_frames import MotionLimits, last_still_run
 from services.imaging.core.tuning import STILL_FRAMES
 from services.imaging.devices.decoded_size import require_bounded_file, require_stated_size
-from services.imaging.devices.dicom_pixels import grey_frames
+from services.imaging.devices.dicom_pixels import grey_frames, stated_frames
 from services.imaging.devices.received_image import (
     BOUNDS_MM,
     LONGEST_SIDE,
@@ -33,8 +33,10 @@ from services.imaging.devices.received_image import (
 )
 from shared.errors import ImageUnreadable
 
-# Chosen: four images of the longest side that is accepted; a file that claims more is an attack or damaged.
-_MOST_VALUES = 256 * 2**20
+# Chosen: one image of the longest side that is accepted, or 64 frames of 1024 x 1024. While a run is received and read,
+# memory has four times its pixels of 16 bits, and 28 bytes for each pixel of a frame.
+_MOST_VALUES = 64 * 2**20
+_MOST_FRAME_VALUES = 16 * 2**20
 # What pydicom and its decoders raise on damaged files; the list is what fuzzing found.
 _REPORTED = (
     AttributeError,
@@ -87,9 +89,8 @@ def read_dicom(content: bytes, source: str) -> ReceivedImage:
 def _received(dataset: Dataset, content: bytes, source: str) -> ReceivedImage:
     _require_pixels(dataset, source)
     require_stated_size(dataset, source)
-    stored = np.asarray(dataset.pixel_array)
     return ReceivedImage(
-        pixels=_still(grey_frames(dataset, stored, source), source),
+        pixels=_still(grey_frames(dataset, source), stated_frames(dataset), source),
         bits_stored=int(dataset.BitsStored),
         dicom=content,
         sop_instance_uid=str(dataset.SOPInstanceUID),
@@ -107,23 +108,33 @@ def _require_pixels(dataset: Dataset, source: str) -> None:
             f"{source}: the DICOM object has no pixels or no SOP Instance UID: it is truncated or not an image; "
             "send an X-ray image"
         )
-    bits, longest = int(dataset.BitsStored), max(int(dataset.Rows), int(dataset.Columns))
-    if not 0 < bits <= _MOST_BITS or longest > LONGEST_SIDE:
+    bits, allocated = int(dataset.BitsStored), int(dataset.BitsAllocated)
+    longest = max(int(dataset.Rows), int(dataset.Columns))
+    if not 0 < bits <= _MOST_BITS or allocated > _MOST_BITS or longest > LONGEST_SIDE:
         raise ImageUnreadable(
-            f"{source}: {dataset.Columns} x {dataset.Rows} pixels of {bits} bits (at most {LONGEST_SIDE} each way, "
-            f"1 to {_MOST_BITS} bits); send an X-ray image"
+            f"{source}: {dataset.Columns} x {dataset.Rows} pixels of {bits} bits in {allocated} (at most "
+            f"{LONGEST_SIDE} each way, 1 to {_MOST_BITS} bits); send an X-ray image"
         )
-    frames = int(dataset.get("NumberOfFrames", 1) or 1)
-    values = frames * int(dataset.Rows) * int(dataset.Columns)
-    if not 0 < values <= _MOST_VALUES:
+    _require_room(dataset, source)
+
+
+def _require_room(dataset: Dataset, source: str) -> None:
+    frames, columns, rows = stated_frames(dataset), int(dataset.Columns), int(dataset.Rows)
+    frame = rows * columns * int(dataset.get("SamplesPerPixel", 1) or 1)
+    if not 0 < frames * frame <= _MOST_VALUES:
         raise ImageUnreadable(
-            f"{source}: {frames} frames of {dataset.Columns} x {dataset.Rows} are {values} pixels "
+            f"{source}: {frames} frames of {columns} x {rows} are {frames * frame} values "
             f"(1 to {_MOST_VALUES}); send a shorter run or single images"
         )
+    if frames > 1 and frame > _MOST_FRAME_VALUES:
+        raise ImageUnreadable(
+            f"{source}: a frame of a run, of {columns} x {rows}, has {frame} values (at most {_MOST_FRAME_VALUES}); "
+            "send single images"
+        )
 
 
-def _still(frames: NDArray[np.float32], source: str) -> NDArray[np.float32]:
-    """The mean of the frames after the last motion, shape (rows, columns).
+def _still(frames: Iterator[NDArray[np.float32]], count: int, source: str) -> NDArray[np.float32]:
+    """The mean of the frames after the last motion, shape (rows, columns), of as many as are stated.
 
     The image is bound to where the robot stands when it arrives: frames from before a motion show another place.
 
@@ -132,14 +143,14 @@ def _still(frames: NDArray[np.float32], source: str) -> NDArray[np.float32]:
     ImageUnreadable
         When too few frames stand still at the end.
     """
-    if len(frames) == 1:
-        return np.asarray(frames[0])
-    limits = MotionLimits(least_frames=min(len(frames), STILL_FRAMES.least_frames))
+    if count == 1:
+        return next(frames)
+    limits = MotionLimits(least_frames=min(count, STILL_FRAMES.least_frames))
     run = last_still_run(frames, limits)
-    if run is None or run.frames < limits.least_frames:
-        still = 0 if run is None else run.frames
+    still = 0 if run is None else run.frames
+    if run is None or still < limits.least_frames:
         raise ImageUnreadable(
-            f"{source}: a run of {len(frames)} frames ends with {still} after its last motion (at least "
+            f"{source}: a run of {count} frames ends with {still} after its last motion (at least "
             f"{limits.least_frames}); hold leg and C-arm still until the run ends and take another run"
         )
     return run.mean

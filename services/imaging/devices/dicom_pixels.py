@@ -7,9 +7,12 @@ left alone: they are monotone, and measuring assumes no more. Overlays are no pa
 bits above those that are stored.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 from pydicom.dataset import Dataset
+from pydicom.pixels.utils import iter_pixels
 
 from services.imaging.core.tuning import SCREEN_COPIES
 from shared.errors import ImageUnreadable
@@ -20,38 +23,52 @@ _COLOUR = ("RGB", "YBR_FULL", "YBR_FULL_422", "YBR_ICT", "YBR_RCT")
 _LUMINANCE = np.array([0.299, 0.587, 0.114], dtype=np.float32)
 
 
-def grey_frames(dataset: Dataset, stored: NDArray[np.generic], source: str) -> NDArray[np.float32]:
-    """Grey values, reversed when the tags say that bright is dense.
+def grey_frames(dataset: Dataset, source: str) -> Iterator[NDArray[np.float32]]:
+    """Grey values frame by frame, reversed when the tags say that bright is dense.
+
+    One frame at a time is decoded: all of a run at once would take several times its file's size.
 
     Parameters
     ----------
     dataset
-        The object's attributes.
-    stored
-        Values as pydicom decodes them: frames first when there are several, colours last.
+        The whole object.
     source
         For the error's sentence.
 
-    Returns
-    -------
+    Yields
+    ------
     NDArray
-        Shape (frames, rows, columns).
+        Shape (rows, columns).
 
     Raises
     ------
     ImageUnreadable
-        When the image has colours.
+        When a frame has colours, or when there are fewer than the object states.
     """
-    photometric = str(dataset.get("PhotometricInterpretation", "missing"))
-    if photometric in _GREY:
+    count = 0
+    for stored in iter_pixels(dataset):
+        count += 1
+        yield _grey(dataset, stored, source)
+    stated = stated_frames(dataset)
+    if count < stated:
+        raise ImageUnreadable(f"{source}: the object states {stated} frames and has {count}; send it again")
+
+
+def stated_frames(dataset: Dataset) -> int:
+    """How many frames an object states; one where it states nothing."""
+    return int(dataset.get("NumberOfFrames", 1) or 1)
+
+
+def _grey(dataset: Dataset, stored: NDArray[np.generic], source: str) -> NDArray[np.float32]:
+    """One frame as pydicom decodes it, colours last."""
+    photometric, samples = str(dataset.get("PhotometricInterpretation", "missing")), stored.shape[2:]
+    if photometric in _GREY and not samples:
         values = _without_unused_bits(dataset, stored).astype(np.float32)
-    elif photometric in _COLOUR and stored.shape[-1] == 3:
+    elif photometric in _COLOUR and samples == (3,):
         values = _grey_of_colours(stored, source)
     else:
-        raise ImageUnreadable(
-            f"{source}: the photometric interpretation is {photometric}; needed is {' or '.join(_GREY)}"
-        )
-    values = values.reshape(-1, *values.shape[-2:])
+        found = f"{photometric} of {samples[0]} values a pixel" if samples else photometric
+        raise ImageUnreadable(f"{source}: the photometric interpretation is {found}; needed is {' or '.join(_GREY)}")
     if not _bright_is_dense(dataset):
         return values
     if int(dataset.get("PixelRepresentation", 0)) == 1:
@@ -64,10 +81,8 @@ def _without_unused_bits(dataset: Dataset, stored: NDArray[np.generic]) -> NDArr
     allocated, bits = int(dataset.BitsAllocated), int(dataset.BitsStored)
     if bits >= allocated or not np.issubdtype(stored.dtype, np.integer):
         return stored
-    values = stored.astype(np.int64) & ((1 << bits) - 1)
-    if int(dataset.get("PixelRepresentation", 0)) == 1:
-        values = np.where(values >= 1 << (bits - 1), values - (1 << bits), values)
-    return values
+    unused = 8 * stored.dtype.itemsize - bits
+    return np.asarray(np.right_shift(np.left_shift(stored, unused), unused))  # of signed values the sign comes back
 
 
 def _grey_of_colours(stored: NDArray[np.generic], source: str) -> NDArray[np.float32]:

@@ -1,6 +1,9 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from pydicom.uid import RLELossless
 
 from services.imaging.devices.dicom_file import dicom_of_pixels, read_dicom
 from services.imaging.devices.image_file import is_dicom
@@ -157,8 +160,48 @@ def test_a_run_that_ends_soon_after_a_motion_is_refused() -> None:
 def test_a_run_of_more_pixels_than_memory_is_refused() -> None:
     dataset = dataset_of(grey_ramp())
     dataset.NumberOfFrames = 10**9
-    with pytest.raises(ImageUnreadable, match="1000000000 frames of 8 x 6 are 48000000000 pixels"):
+    with pytest.raises(ImageUnreadable, match="1000000000 frames of 8 x 6 are 48000000000 values"):
         read_dicom(file_of(dataset), "test")
+
+
+def test_a_run_of_frames_too_large_to_be_averaged_is_refused() -> None:
+    dataset = dataset_of(grey_ramp())
+    dataset.Rows, dataset.Columns, dataset.NumberOfFrames = 4096, 4100, 3
+    with pytest.raises(ImageUnreadable, match=r"a run, of 4100 x 4096, has 16793600 values \(at most 16777216\); send"):
+        read_dicom(file_of(dataset), "test")
+
+
+def test_values_of_more_bits_than_are_read_are_refused() -> None:
+    dataset = dataset_of(grey_ramp())
+    dataset.BitsAllocated, dataset.BitsStored, dataset.HighBit = 32, 12, 11
+    with pytest.raises(ImageUnreadable, match=r"8 x 6 pixels of 12 bits in 32 \(at most 8192 each way, 1 to 16 bits\)"):
+        read_dicom(file_of(dataset), "test")
+
+
+def test_a_run_is_decoded_frame_by_frame() -> None:
+    """Memory is that of the file and of some frames, whatever the number of frames is."""
+    rng = np.random.default_rng(7)
+    dataset = dataset_of(ball_at(50.0, rng))
+    dataset.BitsStored, dataset.HighBit, dataset.NumberOfFrames = 12, 11, 64
+    dataset.PixelData = 64 * dataset.PixelData
+    content = file_of(dataset)
+    tracemalloc.start()
+    try:
+        read_dicom(content, "run")
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 2 * len(content)
+
+
+def test_a_run_with_fewer_frames_than_stated_is_refused() -> None:
+    frames = np.stack([grey_ramp()] * 4)
+    dataset = dataset_of(frames[0])
+    dataset.NumberOfFrames, dataset.PixelData = 4, frames.tobytes()
+    dataset.compress(RLELossless, generate_instance_uid=False)
+    dataset.NumberOfFrames = 5
+    with pytest.raises(ImageUnreadable, match="run: the object states 5 frames and has 4; send it again"):
+        read_dicom(file_of(dataset), "run")
 
 
 def test_an_object_without_pixels_is_refused() -> None:

@@ -88,6 +88,13 @@ def test_a_coloured_picture_is_refused() -> None:
         read(coloured(picture))
 
 
+def test_a_grey_image_of_three_values_a_pixel_is_refused() -> None:
+    dataset = coloured(np.zeros((8, 8, 3), np.uint8))
+    dataset.PhotometricInterpretation = "MONOCHROME2"
+    with pytest.raises(ImageUnreadable, match="is MONOCHROME2 of 3 values a pixel; needed is MONOCHROME1"):
+        read(dataset)
+
+
 def test_a_compressed_image_is_the_same_image() -> None:
     plain = np.random.default_rng(4).integers(0, 4096, (32, 40)).astype(np.uint16)
     dataset = dataset_of(plain)
