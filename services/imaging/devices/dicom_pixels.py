@@ -4,7 +4,7 @@ Polarity: PixelIntensityRelationshipSign (0028,1041) says whether low stored val
 denser) or much (-1). Without it, what is shown decides: MONOCHROME1 shows high values dark, and a falling rescale
 slope, a falling modality LUT or an inverse presentation LUT shape turn that round. Windows and other rising LUTs are
 left alone: they are monotone, and measuring assumes no more. Overlays are no part of the values, but old ones lie in
-bits above those that are stored.
+bits beside those that are stored.
 """
 
 from collections.abc import Iterator
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydicom.dataset import Dataset
 from pydicom.pixels.utils import iter_pixels
+from pydicom.uid import RLELossless
 
 from services.imaging.core.tuning import SCREEN_COPIES
 from shared.errors import ImageUnreadable
@@ -43,10 +44,13 @@ def grey_frames(dataset: Dataset, source: str) -> Iterator[NDArray[np.float32]]:
     Raises
     ------
     ImageUnreadable
-        When a frame has colours, or when there are fewer than the object states.
+        When a frame has colours, when stored values cannot lie where the object states, or when there are fewer
+        frames than it states.
     """
+    if dataset.get("PhotometricInterpretation") in _GREY:
+        _require_high_bit(dataset, source)
     count = 0
-    for stored in iter_pixels(dataset):
+    for stored in iter_pixels(dataset, correct_unused_bits=False):  # it ignores HighBit
         count += 1
         yield _grey(dataset, stored, source)
     stated = stated_frames(dataset)
@@ -76,13 +80,30 @@ def _grey(dataset: Dataset, stored: NDArray[np.generic], source: str) -> NDArray
     return np.float32(2 ** int(dataset.BitsStored) - 1) - values
 
 
+def _require_high_bit(dataset: Dataset, source: str) -> None:
+    """Check where stored values end; above the usual bit only where they lie as stored, not in a JPEG picture."""
+    bits, allocated, high = int(dataset.BitsStored), int(dataset.BitsAllocated), _high_bit(dataset)
+    syntax = dataset.file_meta.TransferSyntaxUID
+    last = bits - 1 if syntax.is_encapsulated and syntax != RLELossless else allocated - 1
+    if not bits - 1 <= high <= last:
+        raise ImageUnreadable(
+            f"{source}: the high bit of {bits} stored bits in {allocated} is {high} ({bits - 1} to {last} in "
+            f"{syntax.name}); correct Bits Stored and High Bit, or send the image uncompressed"
+        )
+
+
+def _high_bit(dataset: Dataset) -> int:
+    high = dataset.get("HighBit")
+    return int(dataset.BitsStored) - 1 if high is None else int(high)
+
+
 def _without_unused_bits(dataset: Dataset, stored: NDArray[np.generic]) -> NDArray[np.generic]:
-    """Values without bits above the stored ones, where old devices keep overlays."""
-    allocated, bits = int(dataset.BitsAllocated), int(dataset.BitsStored)
-    if bits >= allocated or not np.issubdtype(stored.dtype, np.integer):
+    """Values without the bits beside the stored ones, where old devices keep overlays."""
+    bits, size = int(dataset.BitsStored), 8 * stored.dtype.itemsize
+    if bits >= size:
         return stored
-    unused = 8 * stored.dtype.itemsize - bits
-    return np.asarray(np.right_shift(np.left_shift(stored, unused), unused))  # of signed values the sign comes back
+    moved_up = np.left_shift(stored, size - 1 - _high_bit(dataset))
+    return np.asarray(np.right_shift(moved_up, size - bits))  # of signed values the sign comes back
 
 
 def _grey_of_colours(stored: NDArray[np.generic], source: str) -> NDArray[np.float32]:

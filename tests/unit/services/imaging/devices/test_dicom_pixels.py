@@ -67,6 +67,33 @@ def test_negative_values_keep_their_sign() -> None:
     assert read(dataset).tolist() == [[-1.0, 5.0]]
 
 
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize(("high", "signed"), [(15, False), (15, True), (13, False), (13, True), (11, True)])
+def test_values_are_read_from_below_the_high_bit(high: int, signed: bool, compressed: bool) -> None:  # noqa: FBT001
+    values = np.array([[100, -5 if signed else 4000]])
+    placed = ((values & 0xFFF) << (high - 11)) | (0x8000 if high < 15 else 0x0008)
+    dataset = dataset_of(placed.astype(np.uint16))
+    dataset.BitsStored, dataset.HighBit, dataset.PixelRepresentation = 12, high, int(signed)
+    if compressed:
+        dataset.compress(RLELossless, generate_instance_uid=False)
+    assert read(dataset).tolist() == values.tolist()
+
+
+@pytest.mark.parametrize("high", [10, 16])
+def test_a_high_bit_that_cannot_be_is_refused(high: int) -> None:
+    dataset = dataset_of(VALUES)
+    dataset.BitsStored, dataset.HighBit = 12, high
+    with pytest.raises(ImageUnreadable, match=rf"of 12 stored bits in 16 is {high} \(11 to 15 in .*correct Bits"):
+        read(dataset)
+
+
+def test_an_unusual_high_bit_of_a_jpeg_is_refused() -> None:
+    dataset = jpeg_of(np.full((16, 16), 90, np.uint8))
+    dataset.BitsAllocated, dataset.HighBit = 16, 15
+    with pytest.raises(ImageUnreadable, match=r"of 8 stored bits in 16 is 15 \(7 to 7 in JPEG .*uncompressed"):
+        read(dataset)
+
+
 def coloured(pixels: NDArray[np.uint8]) -> Dataset:
     dataset = dataset_of(VALUES)
     dataset.Rows, dataset.Columns = pixels.shape[:2]
@@ -102,15 +129,19 @@ def test_a_compressed_image_is_the_same_image() -> None:
     assert (read(dataset) == plain).all()
 
 
-def test_a_jpeg_is_decoded() -> None:
-    y, x = np.mgrid[:64, :64]
-    plain = (100.0 + x + 0.5 * y).astype(np.uint8)
+def jpeg_of(plain: NDArray[np.uint8]) -> Dataset:
     dataset = dataset_of(VALUES)
     set_pixel_data(dataset, plain, "MONOCHROME2", 8)
     dataset.PixelData = encapsulate([cv2.imencode(".jpg", plain, (cv2.IMWRITE_JPEG_QUALITY, 100))[1].tobytes()])
     dataset["PixelData"].is_undefined_length = True
     dataset.file_meta.TransferSyntaxUID = JPEGBaseline8Bit
-    assert read(dataset) == pytest.approx(plain, abs=2.0)
+    return dataset
+
+
+def test_a_jpeg_is_decoded() -> None:
+    y, x = np.mgrid[:64, :64]
+    plain = (100.0 + x + 0.5 * y).astype(np.uint8)
+    assert read(jpeg_of(plain)) == pytest.approx(plain, abs=2.0)
 
 
 def test_what_an_association_offers_can_be_decoded() -> None:
