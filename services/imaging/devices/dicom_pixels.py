@@ -1,10 +1,10 @@
 """What the stored values of a DICOM image mean: polarity, unused bits, colours that are grey.
 
 Polarity: PixelIntensityRelationshipSign (0028,1041) says whether low stored values mean little X-ray (+1: darker is
-denser) or much (-1). Without it, what is shown decides: MONOCHROME1 shows high values dark, and a falling rescale
-slope, a falling modality LUT or an inverse presentation LUT shape turn that round. Windows and other rising LUTs are
-left alone: they are monotone, and measuring assumes no more. Overlays are no part of the values, but old ones lie in
-bits beside those that are stored.
+denser) or much (-1). Without it, what is shown decides: MONOCHROME1, or an inverse presentation LUT shape, shows high
+values dark, and a falling rescale slope or a falling modality LUT turns that round. The first two state one inversion:
+the shape of MONOCHROME1 is INVERSE (PS3.3 C.7.6.1). Windows and other rising LUTs are left alone: they are monotone,
+and measuring assumes no more. Overlays are no part of the values, but old ones lie in bits beside the stored ones.
 """
 
 from collections.abc import Iterator
@@ -126,10 +126,10 @@ def _bright_is_dense(dataset: Dataset) -> bool:
     if sign is not None:
         return int(sign) < 0
     turns: list[bool] = [
-        str(dataset.PhotometricInterpretation) == "MONOCHROME1",
+        str(dataset.PhotometricInterpretation) == "MONOCHROME1"
+        or str(dataset.get("PresentationLUTShape", "")) == "INVERSE",
         float(dataset.get("RescaleSlope", 1.0) or 1.0) < 0.0,
         _falls(dataset),
-        str(dataset.get("PresentationLUTShape", "")) == "INVERSE",
     ]
     return sum(turns) % 2 == 1
 

@@ -35,6 +35,8 @@ def is_reversed(dataset: Dataset) -> bool:
         ({"PhotometricInterpretation": "MONOCHROME1", "RescaleSlope": "-2", "RescaleIntercept": "0"}, False),
         ({"PresentationLUTShape": "INVERSE"}, True),
         ({"PresentationLUTShape": "IDENTITY"}, False),
+        ({"PresentationLUTShape": "INVERSE", "PhotometricInterpretation": "MONOCHROME1"}, True),
+        ({"PresentationLUTShape": "INVERSE", "PhotometricInterpretation": "MONOCHROME1", "RescaleSlope": "-1"}, False),
         ({"PixelIntensityRelationshipSign": 1, "PhotometricInterpretation": "MONOCHROME1"}, False),
         ({"PixelIntensityRelationshipSign": -1}, True),
         ({"WindowCenter": "50", "WindowWidth": "10"}, False),
