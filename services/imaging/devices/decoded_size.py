@@ -1,7 +1,7 @@
 """How large an image becomes when it is decoded, found before it is: a small file can ask for all memory there is.
 
-What the attributes state is checked in `dicom_file`. Here is what they do not state: how far a deflated file grows, and
-the size that a compressed picture states in its own header, which is what its decoder makes room for.
+Here is what the attributes state of all frames, and what they do not state: how far a deflated file grows, and the size
+that a compressed picture states in its own header, which is what its decoder makes room for.
 """
 
 import struct
@@ -17,6 +17,10 @@ from pydicom.uid import DeflatedExplicitVRLittleEndian
 
 from shared.errors import ImageUnreadable
 
+# Chosen: one image of the longest side that is accepted, or 64 frames of 1024 x 1024. While a run is received and read,
+# memory has four times its pixels of 16 bits, and 28 bytes for each pixel of a frame.
+_MOST_VALUES: Final = 64 * 2**20
+_MOST_FRAME_VALUES: Final = 16 * 2**20
 # The largest run that is read, 64 Mi pixels of 16 bits, and 16 MiB of attributes.
 MOST_FILE_BYTES: Final = 2**27 + 2**24
 # A decoder may pad to whole blocks of 8 or 16 pixels.
@@ -43,13 +47,34 @@ def require_bounded_file(content: bytes, source: str, most_bytes: int = MOST_FIL
         )
 
 
+def stated_frames(dataset: Dataset) -> int:
+    """How many frames an object states; one where it states nothing."""
+    return int(dataset.get("NumberOfFrames", 1) or 1)
+
+
+def require_room(dataset: Dataset, source: str) -> None:
+    """Refuse an image or a run that takes too much memory, by what it states; raises `ImageUnreadable`."""
+    frames, columns, rows = stated_frames(dataset), int(dataset.Columns), int(dataset.Rows)
+    frame = rows * columns * int(dataset.get("SamplesPerPixel", 1) or 1)
+    if not 0 < frames * frame <= _MOST_VALUES:
+        raise ImageUnreadable(
+            f"{source}: {frames} frames of {columns} x {rows} are {frames * frame} values "
+            f"(1 to {_MOST_VALUES}); send a shorter run or single images"
+        )
+    if frames > 1 and frame > _MOST_FRAME_VALUES:
+        raise ImageUnreadable(
+            f"{source}: a frame of a run, of {columns} x {rows}, has {frame} values (at most {_MOST_FRAME_VALUES}); "
+            "send single images"
+        )
+
+
 def require_stated_size(dataset: Dataset, source: str) -> None:
     """Refuse a compressed picture that is larger than the object's attributes state; raises `ImageUnreadable`."""
     syntax = dataset.file_meta.TransferSyntaxUID
     if not syntax.is_encapsulated:
         return
     rows, columns = int(dataset.Rows), int(dataset.Columns)
-    for frame in generate_frames(dataset.PixelData, number_of_frames=int(dataset.get("NumberOfFrames", 1) or 1)):
+    for frame in generate_frames(dataset.PixelData, number_of_frames=stated_frames(dataset)):
         size = coded_size(frame)
         if size is not None and (size[0] > rows + _PADDING_PX or size[1] > columns + _PADDING_PX):
             raise ImageUnreadable(

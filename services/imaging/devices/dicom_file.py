@@ -20,8 +20,13 @@ from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage, ge
 
 from services.imaging.core.still_frames import MotionLimits, last_still_run
 from services.imaging.core.tuning import STILL_FRAMES
-from services.imaging.devices.decoded_size import require_bounded_file, require_stated_size
-from services.imaging.devices.dicom_pixels import grey_frames, stated_frames
+from services.imaging.devices.decoded_size import (
+    require_bounded_file,
+    require_room,
+    require_stated_size,
+    stated_frames,
+)
+from services.imaging.devices.dicom_pixels import grey_frames
 from services.imaging.devices.received_image import (
     BOUNDS_MM,
     LONGEST_SIDE,
@@ -33,10 +38,6 @@ from services.imaging.devices.received_image import (
 )
 from shared.errors import ImageUnreadable
 
-# Chosen: one image of the longest side that is accepted, or 64 frames of 1024 x 1024. While a run is received and read,
-# memory has four times its pixels of 16 bits, and 28 bytes for each pixel of a frame.
-_MOST_VALUES = 64 * 2**20
-_MOST_FRAME_VALUES = 16 * 2**20
 # What pydicom and its decoders raise on damaged files; the list is what fuzzing found.
 _REPORTED = (
     AttributeError,
@@ -115,22 +116,7 @@ def _require_pixels(dataset: Dataset, source: str) -> None:
             f"{source}: {dataset.Columns} x {dataset.Rows} pixels of {bits} bits in {allocated} (at most "
             f"{LONGEST_SIDE} each way, 1 to {_MOST_BITS} bits); send an X-ray image"
         )
-    _require_room(dataset, source)
-
-
-def _require_room(dataset: Dataset, source: str) -> None:
-    frames, columns, rows = stated_frames(dataset), int(dataset.Columns), int(dataset.Rows)
-    frame = rows * columns * int(dataset.get("SamplesPerPixel", 1) or 1)
-    if not 0 < frames * frame <= _MOST_VALUES:
-        raise ImageUnreadable(
-            f"{source}: {frames} frames of {columns} x {rows} are {frames * frame} values "
-            f"(1 to {_MOST_VALUES}); send a shorter run or single images"
-        )
-    if frames > 1 and frame > _MOST_FRAME_VALUES:
-        raise ImageUnreadable(
-            f"{source}: a frame of a run, of {columns} x {rows}, has {frame} values (at most {_MOST_FRAME_VALUES}); "
-            "send single images"
-        )
+    require_room(dataset, source)
 
 
 def _still(frames: Iterator[NDArray[np.float32]], count: int, source: str) -> NDArray[np.float32]:

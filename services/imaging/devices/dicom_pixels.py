@@ -16,6 +16,7 @@ from pydicom.pixels.utils import iter_pixels
 from pydicom.uid import RLELossless
 
 from services.imaging.core.tuning import SCREEN_COPIES
+from services.imaging.devices.decoded_size import stated_frames
 from shared.errors import ImageUnreadable
 
 _GREY = ("MONOCHROME1", "MONOCHROME2")
@@ -56,11 +57,6 @@ def grey_frames(dataset: Dataset, source: str) -> Iterator[NDArray[np.float32]]:
     stated = stated_frames(dataset)
     if count < stated:
         raise ImageUnreadable(f"{source}: the object states {stated} frames and has {count}; send it again")
-
-
-def stated_frames(dataset: Dataset) -> int:
-    """How many frames an object states; one where it states nothing."""
-    return int(dataset.get("NumberOfFrames", 1) or 1)
 
 
 def _grey(dataset: Dataset, stored: NDArray[np.generic], source: str) -> NDArray[np.float32]:
