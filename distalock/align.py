@@ -18,7 +18,7 @@ from distalock.image_files import images_in, read_image_file
 from distalock.locate import EXIT_ACCEPTED, EXIT_REJECTED, NominalOptions, read_parts
 from services.imaging.core.ring_tracking import calibrate_next
 from services.imaging.devices.received_image import Acquisition
-from services.imaging.devices.video_source import grey_of
+from services.imaging.devices.video_images import grey_of
 from services.registration.core.c_arm_advice import CArmAngles
 from services.registration.core.guidance.tracking import (
     FrameEstimate,

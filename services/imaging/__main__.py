@@ -12,7 +12,8 @@ from services.imaging.devices.image_store import ImageStore
 from services.imaging.devices.position_store import PositionStore
 from services.imaging.devices.received_image import Polarity
 from services.imaging.devices.source import ImageSource
-from services.imaging.devices.video_source import Region, VideoSettings, VideoSource
+from services.imaging.devices.video_images import Region
+from services.imaging.devices.video_source import VideoSettings, VideoSource
 from services.imaging.service import Calibrator, Defaults, ImagingService
 from services.imaging.service.quality_handler import QualityHandler
 from services.imaging.settings import ImagingSettings

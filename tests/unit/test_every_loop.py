@@ -21,6 +21,7 @@ from services.imaging.devices.dicom_receiver import DicomSource, Endpoint
 from services.imaging.devices.folder_source import FolderSource
 from services.imaging.devices.image_store import ImageStore
 from services.imaging.devices.position_store import PositionStore
+from services.imaging.devices.video_frames import newest_frames
 from services.imaging.devices.video_source import VideoSettings, VideoSource
 from services.registration.service import RegistrationService
 from services.registration.settings import RegistrationSettings
@@ -49,6 +50,7 @@ from shared.runtime.presence import beating
 from shared.runtime.settings import ServiceSettings
 from shared.signals import PARENT_PIPE, set_by_signals
 from shared.threads import faults_go_to
+from tests.unit.services.imaging.devices.fake_video import FakeCamera
 from tests.unit.services.imaging.devices.test_video_source import film
 from tests.unit.services.imaging.test_service import room_of
 from tests.unit.services.robot.fake_gcs import FakeGcs
@@ -304,6 +306,14 @@ def break_video(rig: Rig) -> str:
     return "video"
 
 
+def break_video_frames(rig: Rig) -> str:
+    class Torn(FakeCamera):
+        read = inject
+
+    rig.stack.enter_context(newest_frames(Torn(), threading.Event()))
+    return "video frames"
+
+
 def break_folder(rig: Rig) -> str:
     (rig.tmp_path / "image.png").write_bytes(b"content")
     source = FolderSource(rig.tmp_path, LOG)
@@ -440,6 +450,7 @@ INJECTIONS: dict[tuple[str, str], Callable[[Rig], str]] = {
     ("shared/signals.py", "signals"): break_signals,
     ("services/imaging/devices/dicom_receiver.py", "DICOM reception"): break_dicom,
     ("services/imaging/devices/folder_source.py", "watch folder"): break_folder,
+    ("services/imaging/devices/video_frames.py", "video frames"): break_video_frames,
     ("services/imaging/devices/video_source.py", "video"): break_video,
     ("services/imaging/service/calibrator.py", "calibrate"): break_calibrate,
     ("services/registration/live.py", "guidance"): break_guidance,

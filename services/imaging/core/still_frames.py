@@ -48,10 +48,13 @@ class StillRun:
         Shape (rows, columns).
     frames
         How many were averaged.
+    frames_after
+        How many came after them before the run was known to have ended: the one that differs, or none.
     """
 
     mean: FloatImage
     frames: int
+    frames_after: int = 0
 
 
 def moved_part(frame: FloatImage, reference: FloatImage) -> float:
@@ -105,7 +108,7 @@ def still_runs(frames: Iterable[FloatImage], limits: MotionLimits | None = None)
     for frame in frames:
         if count and _differs(frame, _mean(total, count), limits):
             if count < limits.most_frames:
-                yield StillRun(_mean(total, count), count)
+                yield StillRun(_mean(total, count), count, frames_after=1)
             count = 0
         if count == limits.most_frames:
             continue

@@ -1,21 +1,22 @@
 """Images from a video signal: a frame grabber, a network stream or a file, by OpenCV.
 
 Frames are averaged for as long as the picture stands still; what is handed on is one image per view, not one per frame.
+Of what is live the newest frame counts (`video_frames`); a file is read frame by frame.
 """
 
 import threading
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from services.imaging.core.still_frames import MotionLimits, StillRun, still_runs
+from services.imaging.core.still_frames import MotionLimits, StillRun
 from services.imaging.devices.source import Refused, Take
+from services.imaging.devices.video_frames import Capture, Grab, GrabbedFrames, every_frame, newest_frames
+from services.imaging.devices.video_images import Region, VideoImages
 from shared.errors import ConfigurationError, ImageUnreadable
 from shared.runtime.logging import Log
 from shared.threads import supervised_thread
@@ -24,19 +25,7 @@ _STABLE_IDS = Path("/dev/v4l/by-id")
 # Chosen: a source that gives nothing for this long is given up and opened anew.
 _OPEN_MS, _READ_MS = 5000, 5000
 _RETRY_S = 1.0
-# Chosen: long enough for a frame rate within 1 %, short enough to see a source that slows down.
-_RATE_EVERY_S = 10.0
 _PNG_FAST = (cv2.IMWRITE_PNG_COMPRESSION, 1)
-
-
-@dataclass(frozen=True, slots=True)
-class Region:
-    """The part of a frame that holds the X-ray image: left, top, width and height in pixels."""
-
-    left: int
-    top: int
-    width: int
-    height: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,10 +56,17 @@ class VideoSource:
     A stream or a device that falls silent is opened again every second; a file ends.
     """
 
-    def __init__(self, settings: VideoSettings, log: Log, ids: Path = _STABLE_IDS) -> None:
+    def __init__(
+        self,
+        settings: VideoSettings,
+        log: Log,
+        ids: Path = _STABLE_IDS,
+        opened: Callable[[str], Capture] | None = None,
+    ) -> None:
         self._settings = settings
         self._log = log
         self._ids = ids
+        self._opened = opened or opened_capture
 
     @contextmanager
     def receiving(self, take: Take) -> Iterator[str]:
@@ -85,13 +81,8 @@ class VideoSource:
             ended.set()
             worker.join(2e-3 * _READ_MS)
 
-    def _open(self) -> cv2.VideoCapture:
-        place = device_of(self._settings.address, self._ids)
-        limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _OPEN_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, _READ_MS]
-        if place.startswith("/dev/"):
-            capture = cv2.VideoCapture(place, cv2.CAP_V4L2)
-        else:
-            capture = cv2.VideoCapture(place, cv2.CAP_FFMPEG, limits)
+    def _open(self) -> Capture:
+        capture = self._opened(device_of(self._settings.address, self._ids))
         if not capture.isOpened():
             capture.release()
             raise ConfigurationError(
@@ -100,16 +91,19 @@ class VideoSource:
             )
         return capture
 
-    def _work(self, capture: cv2.VideoCapture, take: Take, ended: threading.Event) -> None:
-        reader: cv2.VideoCapture | None = capture
+    def _work(self, capture: Capture, take: Take, ended: threading.Event) -> None:
+        is_file = Path(self._settings.address).is_file()
+        grab: Grab = every_frame if is_file else newest_frames
+        reader: Capture | None = capture
         while reader is not None and not ended.is_set():
-            self._hand_on(_Frames(reader, self._settings, self._log, ended), take)
+            with grab(reader, ended) as grabbed:
+                self._hand_on(grabbed, take)
             reader.release()
-            reader = None if Path(self._settings.address).is_file() else self._again(ended)
+            reader = None if is_file else self._again(ended)
         if reader is not None:
             reader.release()
 
-    def _again(self, ended: threading.Event) -> cv2.VideoCapture | None:
+    def _again(self, ended: threading.Event) -> Capture | None:
         """Open a source that fell silent, as often as it takes."""
         self._log.error("video fell silent; it is opened again every second", video=self._settings.address)
         while not ended.wait(_RETRY_S):
@@ -119,11 +113,11 @@ class VideoSource:
                 self._log.warning("video not there", detail=str(error))
         return None
 
-    def _hand_on(self, frames: "_Frames", take: Take) -> None:
+    def _hand_on(self, grabbed: GrabbedFrames, take: Take) -> None:
         limits = MotionLimits(least_frames=self._settings.least_frames, most_frames=self._settings.most_frames)
-        for run in still_runs(frames, limits):
-            if run.frames >= limits.least_frames:
-                self._give(run, take)
+        images = VideoImages(grabbed, self._settings.region, self._settings.address, self._log)
+        for run in images.runs(limits):
+            self._give(run, take)
 
     def _give(self, run: StillRun, take: Take) -> None:
         sender = f"video {self._settings.address}"
@@ -137,40 +131,12 @@ class VideoSource:
             self._log.error("image not taken", sender=sender, detail=str(error))
 
 
-class _Frames:
-    """Grey frames of a capture, cut to the region, with the measured rate in the log."""
-
-    def __init__(self, capture: cv2.VideoCapture, settings: VideoSettings, log: Log, ended: threading.Event) -> None:
-        self._capture, self._settings, self._log, self._ended = capture, settings, log, ended
-
-    def __iter__(self) -> Iterator[NDArray[np.float32]]:
-        started, count = time.monotonic(), 0
-        while not self._ended.is_set():
-            there, frame = self._capture.read()
-            if not there or frame is None:
-                return
-            count += 1
-            elapsed = time.monotonic() - started
-            if elapsed > _RATE_EVERY_S:
-                self._log.info("video", video=self._settings.address, frames_per_s=round(count / elapsed, 2))
-                started, count = time.monotonic(), 0
-            yield cut(grey_of(np.asarray(frame)), self._settings.region)
-
-
-def grey_of(frame: NDArray[np.generic]) -> NDArray[np.float32]:
-    """Luminance of a frame, shape (rows, columns), 0 to 255."""
-    if frame.ndim == 3 and frame.shape[2] == 3:
-        return np.asarray(cv2.cvtColor(frame.astype(np.float32), cv2.COLOR_BGR2GRAY), dtype=np.float32)
-    return np.asarray(frame.reshape(frame.shape[:2]), dtype=np.float32)
-
-
-def cut(frame: NDArray[np.float32], region: Region | None) -> NDArray[np.float32]:
-    """The region of a frame, as far as the frame reaches."""
-    if region is None:
-        return frame
-    rows, columns = slice(region.top, region.top + region.height), slice(region.left, region.left + region.width)
-    part = frame[rows, columns]
-    return part if part.size else frame
+def opened_capture(place: str) -> cv2.VideoCapture:
+    """Open a device, file or URL with OpenCV, in a bounded time."""
+    if place.startswith("/dev/"):
+        return cv2.VideoCapture(place, cv2.CAP_V4L2)
+    limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _OPEN_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, _READ_MS]
+    return cv2.VideoCapture(place, cv2.CAP_FFMPEG, limits)
 
 
 def device_of(address: str, ids: Path = _STABLE_IDS) -> str:
@@ -194,7 +160,7 @@ def _known(ids: Path) -> str:
     return f"devices here: {', '.join(names)}" if names else "no video device is here"
 
 
-def described(capture: cv2.VideoCapture, settings: VideoSettings) -> str:
+def described(capture: Capture, settings: VideoSettings) -> str:
     """The negotiated format, for people."""
     width, height = (round(capture.get(p)) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
     code = int(capture.get(cv2.CAP_PROP_FOURCC)) & 0xFFFFFFFF

@@ -1,6 +1,7 @@
 import queue
 import shutil
 import subprocess
+import threading
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -13,8 +14,10 @@ from numpy.typing import NDArray
 
 from distalock.local_ports import free_ports
 from services.imaging.devices.image_file import read_image
-from services.imaging.devices.video_source import Region, VideoSettings, VideoSource, cut, device_of, grey_of
+from services.imaging.devices.video_images import Region
+from services.imaging.devices.video_source import VideoSettings, VideoSource, device_of
 from shared.errors import ConfigurationError
+from tests.unit.services.imaging.devices.fake_video import FakeCamera
 from tests.unit.services.imaging.synthetic import shade
 
 LOG: structlog.stdlib.BoundLogger = structlog.stdlib.get_logger("video")
@@ -29,13 +32,17 @@ def view(shift_px: float) -> NDArray[np.float64]:
     return 200.0 * light
 
 
+def noisy(shift_px: float, rng: np.random.Generator) -> NDArray[np.uint8]:
+    return np.clip(view(shift_px) + rng.normal(0.0, 6.0, (240, 320)), 0, 255).astype(np.uint8)
+
+
 def film(file: Path, shifts: list[float]) -> Path:
     """A Motion JPEG of noisy views."""
     rng = np.random.default_rng(3)
     writer = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, (320, 240), isColor=False)
     assert writer.isOpened()
     for shift in shifts:
-        writer.write(np.clip(view(shift) + rng.normal(0.0, 6.0, (240, 320)), 0, 255).astype(np.uint8))
+        writer.write(noisy(shift, rng))
     writer.release()
     return file
 
@@ -53,6 +60,43 @@ def test_one_averaged_image_comes_of_each_view(tmp_path: Path) -> None:
     noise = np.std(257.0 * truth[:15] - first[:15])
     assert noise < 0.6 * 257.0 * 6.0
     assert np.corrcoef(first.ravel(), truth.ravel())[0, 1] > 0.98
+    assert np.corrcoef(second.ravel(), view(12.0).ravel())[0, 1] > 0.98
+
+
+def test_every_view_of_a_file_becomes_an_image(tmp_path: Path) -> None:
+    file = film(tmp_path / "film.avi", [*[0.0] * 3, *[6.0] * 3, *[12.0] * 3, *[18.0] * 3])
+    images = images_of(VideoSettings(str(file), most_frames=3), 4)
+    for shift, image in zip((0.0, 6.0, 12.0, 18.0), images, strict=True):
+        assert np.corrcoef(image.ravel(), view(shift).ravel())[0, 1] > 0.98
+
+
+def test_views_that_have_gone_while_an_image_was_taken_are_not_handed_on() -> None:
+    """A live source does not wait; what it showed in the meantime would be taken for what is there now."""
+    camera, rng = FakeCamera(), np.random.default_rng(9)
+    taking, go = threading.Event(), threading.Event()
+    taken: queue.Queue[bytes] = queue.Queue()
+
+    def take(content: bytes, _: str) -> None:
+        taken.put(content)
+        taking.set()
+        assert go.wait(PATIENCE_S)
+
+    settings = VideoSettings("tcp://camera", most_frames=3)
+    with VideoSource(settings, LOG, opened=lambda _: camera).receiving(take):
+        try:
+            while not taking.is_set():
+                camera.show(lambda: noisy(0.0, rng))
+            camera.show(lambda: noisy(6.0, rng), 20)
+            camera.show(lambda: noisy(12.0, rng), 5)
+            taking.clear()
+            go.set()
+            while not taking.is_set():
+                camera.show(lambda: noisy(12.0, rng))
+        finally:
+            go.set()
+            camera.unplug()
+    first, second = (read_image(taken.get(timeout=PATIENCE_S), "video").pixels for _ in range(2))
+    assert np.corrcoef(first.ravel(), view(0.0).ravel())[0, 1] > 0.98
     assert np.corrcoef(second.ravel(), view(12.0).ravel())[0, 1] > 0.98
 
 
@@ -85,18 +129,6 @@ def test_a_device_is_found_by_a_part_of_its_stable_name(tmp_path: Path) -> None:
         ConfigurationError, match=r"2 video devices fit 'DVI2USB' \(1 needed\): usb-Epiphan_DVI2USB_123"
     ):
         device_of("DVI2USB", tmp_path)
-
-
-def test_grey_and_colour_frames_become_grey() -> None:
-    grey = np.arange(12, dtype=np.uint8).reshape(3, 4)
-    assert (grey_of(grey) == grey).all()
-    assert grey_of(np.repeat(grey[..., None], 3, axis=2)) == pytest.approx(grey, abs=0.01)
-
-
-def test_a_region_beyond_the_frame_takes_what_is_there() -> None:
-    frame = np.ones((20, 30), np.float32)
-    assert cut(frame, Region(20, 10, 100, 100)).shape == (10, 10)
-    assert cut(frame, Region(500, 500, 100, 100)).shape == (20, 30)
 
 
 def first_image_of(settings: VideoSettings, sender: subprocess.Popen[bytes]) -> NDArray[np.float32]:
