@@ -254,7 +254,10 @@ def stood_elsewhere(localised: LocalisedFrame, robot: RobotState | None) -> str 
     if robot is None or now is None:
         return None
     if before is None:
-        return "where the robot stood when the image was made is not certain, for it was moving or had just moved"
+        return (
+            "where the robot stood when the image was made is not certain, for it was moving or had just moved, or has "
+            "moved since imaging received the image"
+        )
     if localised.record.robot_boot_epoch != robot.boot_epoch:
         return "the robot service has been started anew since the image was made"
     return _moved(before, now, "since the image was made")

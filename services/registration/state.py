@@ -31,8 +31,8 @@ class RegistrationState:
     boot_epoch
         Of this run of registration: the first half of every registration epoch.
     image_delay_s
-        How long an image may take from its exposure to its arrival here: it is bound to the robot's pose only when the
-        robot has stood there for so long.
+        How long an image may take from its exposure until imaging has received it: it is bound to the robot's pose only
+        when the robot had stood there for so long by then.
     """
 
     def __init__(self, boot_epoch: str, kept: int, image_delay_s: float, clock_s: Callable[[], float]) -> None:
@@ -87,8 +87,16 @@ class RegistrationState:
     def note_frame(self, header: FrameHeader, pixels: NDArray[np.float32]) -> ReceivedFrame:
         """Note an image that arrives now: a new epoch begins. The robot stood where it stands, if for long enough."""
         with self._changed:
-            rested = self.now_s() - self._resting_since_s >= self._image_delay_s
-            return self._keep(header, pixels, self._robot if rested else None)
+            return self._keep(header, pixels, self._robot if self._had_rested(header.age_s) else None)
+
+    def _had_rested(self, age_s: float | None) -> bool:
+        """Whether the robot had stood for long enough when imaging received an image; an unknown age is a no.
+
+        An image may wait in imaging, or be sent again: the time of its arrival here says nothing of its exposure.
+        """
+        if age_s is None:
+            return False
+        return self.now_s() - age_s - self._resting_since_s >= self._image_delay_s
 
     def note_fetched_frame(self, header: FrameHeader, pixels: NDArray[np.float32]) -> ReceivedFrame:
         """Note an image that was asked for afterwards: where the robot stood when it was made is not known."""

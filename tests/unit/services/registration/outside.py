@@ -85,19 +85,7 @@ class Outside:
     def robot_is(
         self, state: MotionState = MotionState.LOCKED, pose: PlatformPoseMessage = HOME, boot: str = "robot-1"
     ) -> None:
-        message = RobotState(
-            boot_epoch=boot,
-            sequence=1,
-            sent_at_ns=0,
-            state=state,
-            stop=StopLatch.CLEAR,
-            locked=state is MotionState.LOCKED,
-            referenced=True,
-            pose=pose,
-            leg_lengths_mm=None,
-            pivot_mm=(0.0, 0.0, 0.0),
-            hexapod_sha256=hexapod_from_json(HEXAPOD_JSON.encode()).sha256,
-        )
+        message = robot_state(state, pose, boot)
         self.bus.retained_publisher(KEYS.robot_state).put(encode(message))
         eventually(lambda: self.state.robot == message)
 
@@ -132,6 +120,22 @@ class Outside:
 
     def next_record(self) -> LocalisationRecord:
         return self.records.get(timeout=PATIENCE_S)
+
+
+def robot_state(state: MotionState, pose: PlatformPoseMessage, boot: str = "robot-1") -> RobotState:
+    return RobotState(
+        boot_epoch=boot,
+        sequence=1,
+        sent_at_ns=0,
+        state=state,
+        stop=StopLatch.CLEAR,
+        locked=state is MotionState.LOCKED,
+        referenced=True,
+        pose=pose,
+        leg_lengths_mm=None,
+        pivot_mm=(0.0, 0.0, 0.0),
+        hexapod_sha256=hexapod_from_json(HEXAPOD_JSON.encode()).sha256,
+    )
 
 
 def header(name: str, age_s: float | None = 0.2) -> FrameHeader:

@@ -2,13 +2,16 @@
 
 from dataclasses import replace
 
+import pytest
+
 from services.registration.core.acceptance.criteria import HeadTrouble
 from services.registration.frames import LocalisedFrame
 from services.registration.planning import head_trouble
 from services.registration.state import RegistrationState
+from shared.messages.robot import MotionState
 from shared.parts.files import sha256_of
 from tests.unit.services.registration.core.test_fusion import AMBIGUOUS, localised
-from tests.unit.services.registration.outside import BLANK, HOME, header
+from tests.unit.services.registration.outside import BLANK, HOME, Clock, header, robot_state
 from tests.unit.services.registration.test_planning import frame
 
 AWAY = HOME.model_copy(update={"x_mm": 1.5})
@@ -83,6 +86,31 @@ def test_the_newest_image_is_kept_although_the_robot_stood_at_a_place_of_its_own
     )
     assert state.images.get(sha256_of(b"d")) is rejected
     assert state.images.get(sha256_of(b"a")) is None
+
+
+@pytest.mark.requirement("REG-09")
+@pytest.mark.parametrize(
+    ("age_s", "x_mm"),
+    [
+        (1.0, 5.0),  # received at 113 s, a second after the robot came to rest
+        (1.6, None),  # received at 112.4 s, 0.4 s after that: it may have been exposed before
+        (4.0, None),  # received at 110 s, before the robot moved
+        (None, None),
+    ],
+)
+def test_an_image_that_took_long_in_imaging_is_bound_by_when_it_was_received(
+    age_s: float | None, x_mm: float | None
+) -> None:
+    clock = Clock(100.0)
+    state = RegistrationState("registration-1", 10, 0.5, lambda: clock.now_s)
+    state.note_robot(robot_state(MotionState.LOCKED, HOME))
+    clock.now_s = 110.5
+    state.note_robot(robot_state(MotionState.MOVING, HOME))
+    clock.now_s = 112.0
+    state.note_robot(robot_state(MotionState.LOCKED, HOME.model_copy(update={"x_mm": 5.0})))
+    clock.now_s = 114.0
+    robot = state.note_frame(header("late", age_s), BLANK).robot
+    assert (robot and robot.pose and robot.pose.x_mm) == x_mm
 
 
 def test_pixels_that_come_late_are_not_the_newest() -> None:
