@@ -54,11 +54,14 @@ class Arrival:
 
     @staticmethod
     def after(previous: "Arrival | None", number: ImageNumber, received: Moment, run_interval_s: float) -> "Arrival":
-        """The next arrival: part of a run when it follows the previous one within `run_interval_s`."""
+        """The next arrival: part of a run when it follows the previous one within `run_interval_s`.
+
+        One that was received before the image with the number before, and took longer to read, follows none.
+        """
         unix_ns, monotonic_s = received
         if previous is None:
             return Arrival(number, unix_ns, monotonic_s, None)
-        in_run = monotonic_s - previous.received_at_s < run_interval_s
+        in_run = 0.0 <= monotonic_s - previous.received_at_s < run_interval_s
         return Arrival(number, unix_ns, monotonic_s, run_interval_s if in_run else None)
 
 

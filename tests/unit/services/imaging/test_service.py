@@ -234,7 +234,7 @@ def test_images_with_a_pause_between_them_are_single_shots(tmp_path: Path) -> No
 
 
 @pytest.mark.requirement("OPS-02")
-@pytest.mark.parametrize(("since_s", "run_interval_s"), [(0.0, 0.5), (0.499, 0.5), (0.5, None), (10.0, None)])
+@pytest.mark.parametrize(("since_s", "run_interval_s"), [(0.0, 0.5), (0.499, 0.5), (0.5, None), (10.0, None), (-0.1, None)])
 @pytest.mark.parametrize("stepped_s", [0, 3, -3, 3600, -3600])
 def test_the_monotonic_time_since_the_image_before_decides(
     since_s: float, run_interval_s: float | None, stepped_s: int
