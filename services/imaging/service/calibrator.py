@@ -76,7 +76,7 @@ class Calibrator:
         self._published = 0
         self._look_again_s = 0.0
         self._ended = threading.Event()
-        self._case: OpenCase | None = None  # None until the gateway has announced one, or that there is none
+        self._case: OpenCase | None = None  # None until the gateway has announced a usable one, or that there is none
 
     @contextmanager
     def running(self) -> Iterator[None]:
@@ -90,8 +90,8 @@ class Calibrator:
             self._newest.close()
             worker.join(5.0)
 
-    def open_case(self, case: OpenCase) -> None:
-        """Note the open case; what waits for another one is not calibrated any more."""
+    def open_case(self, case: OpenCase | None) -> None:
+        """Note the open case; what waits for another one is not calibrated any more. Images wait while it is None."""
         self._case = case
 
     def submit(self, shot: Shot) -> None:

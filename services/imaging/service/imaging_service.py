@@ -183,13 +183,18 @@ class ImagingService:
             ring = ring_from_json(case.ring_json.encode(), "ring of the open case") if case.ring_json else None
         except (MessageInvalid, PartFileInvalid) as error:
             self._runtime.log.error("case context refused", detail=str(error))  # noqa: TRY400 - expected: no trace
+            self._enter(None)  # images that come now are not of the case before
             self._runtime.degraded(f"the open case cannot be used: {error}; correct the ring's file")
             return
-        with self._lock:
-            self._case = OpenCase(case, ring)
-        self._calibrator.open_case(OpenCase(case, ring))
-        self._case_known.set()
+        self._enter(OpenCase(case, ring))
         self._runtime.ready()
+
+    def _enter(self, case: OpenCase | None) -> None:
+        """Note the open case, or that the one that is open cannot be used."""
+        with self._lock:
+            self._case = case
+        self._calibrator.open_case(case)
+        self._case_known.set()
 
     def _on_frame_query(self, query: Query) -> Answer:
         """Pixels and header of a kept image, by its hash."""

@@ -468,6 +468,35 @@ def test_a_broken_ring_file_is_said_in_the_status_and_the_next_case_mends_it(roo
     assert room.calibration().case_id == "case-1"
 
 
+def test_images_that_come_while_the_open_case_cannot_be_used_belong_to_no_case(room: Room) -> None:
+    room.open_case()
+    context = CaseContext(case_id="case-2", revision=1, ring_json='{"schema": "distalock/ring/1"}')
+    room.bus.retained_publisher(KEYS.case_context).put(encode(context))
+    room.wait_for("degraded")
+    room.service.take(small_dicom(), "CARM")
+    header = decode(FrameHeader, room.frames.get(timeout=PATIENCE_S).attachment)
+    assert (header.case_id, header.case_revision) == (None, 0)
+    assert [one.skip and one.skip.code for one in stored(room)] == ["no_case"]
+    assert room.calibrations.empty()
+    assert asked_for_quality(room, header.sha256).code == "case_not_open"
+
+
+def test_images_of_the_case_before_wait_while_the_open_case_cannot_be_used(tmp_path: Path) -> None:
+    memory = HeldMemory(tmp_path / "positions")
+    with room_of(ImageStore(tmp_path), tmp_path / "positions", memory, run_interval_s=0.0) as room:
+        room.open_case()
+        room.service.take(small_dicom(), "CARM")
+        assert memory.begun.wait(PATIENCE_S)
+        room.service.take(small_dicom(), "CARM")
+        room.bus.retained_publisher(KEYS.case_context).put(b"no case")
+        room.wait_for("degraded")
+        memory.released.set()
+        assert room.calibration().image.sequence == 1
+        assert [one.calibration for one in stored(room)] == ["done", "pending"]
+        room.open_case()
+        assert room.calibration().image.sequence == 2
+
+
 def angled(scene: Scene) -> bytes:
     """A rendered image as DICOM at 30 and 10 degrees."""
     dataset = dataset_of(render(scene, default_ring()).pixels.astype(np.uint16))
