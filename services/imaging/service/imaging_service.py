@@ -1,7 +1,6 @@
 """Imaging: image in, frame and calibration out. No mathematics here."""
 
 import threading
-from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
@@ -12,6 +11,7 @@ from services.imaging.devices.received_image import ReceivedImage
 from services.imaging.service.calibrator import STORE, Calibrator, OpenCase, Shot
 from services.imaging.service.headers import Arrival, Defaults, ImageNumber, Moment, frame_header, polarity_of
 from services.imaging.service.quality_handler import QualityHandler
+from services.imaging.service.receipts import Receipts
 from services.imaging.service.wire import wire_pixels
 from shared.bus.keys import Keys
 from shared.bus.port import Answer, Bus, Query, Sample
@@ -28,12 +28,10 @@ from shared.messages.stored_images import (
     StoredImagesReply,
     StoredImagesRequest,
 )
-from shared.parts.files import ring_from_json
+from shared.parts.files import ring_from_json, sha256_of
 from shared.runtime.clock import Clock
 from shared.runtime.lifecycle import Runtime
 
-# Chosen: a bound on memory, above the images of the longest procedure.
-_AGES_KEPT = 1024
 _NO_CASE = "no case with a ring was open when it was received"
 
 
@@ -71,7 +69,7 @@ class ImagingService:
     ) -> None:
         self._runtime = runtime
         self._clock = clock
-        self._received_at_s: OrderedDict[str, float] = OrderedDict()
+        self._receipts = Receipts(store)
         self._store = store
         self._defaults = defaults
         self._run_interval_s = run_interval_s
@@ -120,8 +118,10 @@ class ImagingService:
         """
         received = self._clock.unix_ns(), self._clock.monotonic_s()
         image = read_image(content, sender).normalised(self._defaults.polarity)
+        sha256 = sha256_of(image.dicom)
         with self._store_watched():
-            sha256 = self._store.put(image.dicom)
+            self._receipts.note(sha256, received[1])
+            self._store.put(image.dicom)
             with self._lock:
                 header = self._numbered(image, sha256, received)
                 self._announce(header, image)
@@ -150,7 +150,6 @@ class ImagingService:
         arrival = Arrival.after(self._newest, number, received, self._run_interval_s)
         context = None if case is None else case.context
         header = frame_header(image, sha256, arrival, context, self._defaults)
-        self._note_receipt(sha256, arrival.received_at_s)
         index.add(sequence, sha256, encode(header), in_run=header.run_interval_s is not None)
         if case is None or header.case_id is None or case.ring is None:
             index.skip(sequence, SkipCode.NO_CASE, _NO_CASE)
@@ -163,19 +162,9 @@ class ImagingService:
         except BusError:  # whoever misses it asks for it
             self._runtime.log.exception("image not published", sha256=header.sha256)
 
-    def _note_receipt(self, sha256: str, received_at_s: float) -> None:
-        """The first receipt counts: an image that is sent again does not become younger."""
-        if sha256 in self._received_at_s or self._store.index.header(sha256) is not None:
-            return
-        self._received_at_s[sha256] = received_at_s
-        while len(self._received_at_s) > _AGES_KEPT:
-            self._received_at_s.popitem(last=False)
-
     def _with_age(self, header: FrameHeader) -> FrameHeader:
-        """The header as it is published now; nobody knows the age of an image from before this run of imaging."""
-        received_at_s = self._received_at_s.get(header.sha256)
-        age_s = None if received_at_s is None else max(self._clock.monotonic_s() - received_at_s, 0.0)
-        return header.model_copy(update={"age_s": age_s})
+        """The header as it is published now."""
+        return self._receipts.with_age(header, self._clock.monotonic_s())
 
     def _on_case(self, sample: Sample) -> None:
         try:

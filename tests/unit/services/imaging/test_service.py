@@ -75,6 +75,7 @@ def room_of(
     memory: CArmMemory | None = None,
     run_interval_s: float = PATIENCE_S,
     polarity: Polarity = Polarity.AS_TAGGED,
+    clock: Clock | None = None,
 ) -> Iterator[Room]:
     router = MemoryRouter()
     with router.open() as bus, router.open() as listener:
@@ -90,7 +91,7 @@ def room_of(
             quality,
             Defaults(1000.0, 0.235, polarity),
             run_interval_s,
-            Clock(),
+            clock or Clock(),
         )
         frames: queue.Queue[Sample] = queue.Queue()
         calibrations: queue.Queue[Sample] = queue.Queue()
@@ -576,6 +577,16 @@ def test_a_store_that_takes_nothing_degrades_imaging_until_it_takes_an_image(tmp
         store.full = False
         room.service.take(small_dicom(), "CARM")
         room.wait_for("ready")
+
+
+def test_an_image_that_the_store_did_not_take_at_first_is_as_old_as_its_first_receipt(tmp_path: Path) -> None:
+    store, now_s = FullStore(tmp_path), [100.0]
+    with room_of(store, tmp_path / "positions", clock=Clock(monotonic_s=lambda: now_s[0])) as room:
+        with pytest.raises(OSError, match="No space left"):
+            room.service.take(small_dicom(), "CARM")
+        now_s[0], store.full = 104.0, False
+        room.service.take(small_dicom(), "CARM")
+        assert decode(FrameHeader, room.frames.get(timeout=PATIENCE_S).attachment).age_s == 4.0
 
 
 def test_a_store_that_would_take_an_image_again_is_ready_before_one_comes(tmp_path: Path) -> None:
