@@ -15,7 +15,10 @@ from typing import Final
 
 from shared.errors import ConfigurationError
 
-_SCHEMA: Final = """
+# By its header, so that images of earlier releases are found as well.
+_UID: Final = """CASE WHEN json_valid(CAST(header AS TEXT))
+    THEN json_extract(CAST(header AS TEXT), '$.sop_instance_uid') END"""
+_SCHEMA: Final = f"""
 CREATE TABLE IF NOT EXISTS store (id TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS images (
     sequence INTEGER PRIMARY KEY,
@@ -30,6 +33,7 @@ CREATE TABLE IF NOT EXISTS images (
 );
 CREATE INDEX IF NOT EXISTS images_by_hash ON images (sha256, sequence);
 CREATE INDEX IF NOT EXISTS images_pending ON images (sequence) WHERE state = 'pending';
+CREATE INDEX IF NOT EXISTS images_by_uid ON images ({_UID});
 """
 PENDING, DONE, SKIPPED = "pending", "done", "skipped"
 _COLUMNS: Final = "sequence, sha256, header, state, code, message, attempts"
@@ -97,6 +101,12 @@ class ImageIndex:
         with self._connected() as connection:
             found = connection.execute(query, (sha256,)).fetchone()
         return None if found is None else bytes(found[0])
+
+    def has(self, sha256: str, sop_instance_uid: str) -> bool:
+        """Whether an image with this hash or this SOP Instance UID has a number."""
+        query = f"SELECT 1 FROM images WHERE sha256 = ? OR {_UID} = ? LIMIT 1"  # noqa: S608 - constants
+        with self._connected() as connection:
+            return connection.execute(query, (sha256, sop_instance_uid)).fetchone() is not None
 
     def after(self, sequence: int, most: int) -> list[IndexedImage]:
         """Images after a number, in order."""

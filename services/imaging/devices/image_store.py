@@ -50,9 +50,9 @@ class ImageStore:
             write_atomically(file, content)
         return sha256
 
-    def has(self, sha256: str) -> bool:
-        """Whether an image was kept, also one whose file has been removed since, or that has no number yet."""
-        return self.path(sha256).exists() or self.index.header(sha256) is not None
+    def has(self, sha256: str, sop_instance_uid: str) -> bool:
+        """Whether an image was kept, in these or in other bytes; also one without a number, or whose file is gone."""
+        return self.path(sha256).exists() or self.index.has(sha256, sop_instance_uid)
 
     def takes_images(self) -> bool:
         """Whether an image would be kept now: as much is written, a number too, and removed again."""

@@ -120,7 +120,9 @@ class ImagingService:
         image = read_image(content, sender).normalised(self._defaults.polarity)
         sha256 = sha256_of(image.dicom)
         with self._store_watched():
-            self._receipts.note(sha256, received[1])
+            if self._receipts.note(sha256, image.sop_instance_uid, received[1]):
+                uid = image.sop_instance_uid
+                self._runtime.log.warning("another file came with this UID: it is as old", sha256=sha256, uid=uid)
             self._store.put(image.dicom)
             with self._lock:
                 header = self._numbered(image, sha256, received)

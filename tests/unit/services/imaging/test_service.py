@@ -6,12 +6,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from io import BytesIO
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 import structlog
+from pydicom import dcmread
 
 from services.imaging.devices.c_arm_memory import CArmMemory
 from services.imaging.devices.image_file import read_image
@@ -235,7 +237,9 @@ def test_images_with_a_pause_between_them_are_single_shots(tmp_path: Path) -> No
 
 
 @pytest.mark.requirement("OPS-02")
-@pytest.mark.parametrize(("since_s", "run_interval_s"), [(0.0, 0.5), (0.499, 0.5), (0.5, None), (10.0, None), (-0.1, None)])
+@pytest.mark.parametrize(
+    ("since_s", "run_interval_s"), [(0.0, 0.5), (0.499, 0.5), (0.5, None), (10.0, None), (-0.1, None)]
+)
 @pytest.mark.parametrize("stepped_s", [0, 3, -3, 3600, -3600])
 def test_the_monotonic_time_since_the_image_before_decides(
     since_s: float, run_interval_s: float | None, stepped_s: int
@@ -587,6 +591,19 @@ def test_an_image_that_the_store_did_not_take_at_first_is_as_old_as_its_first_re
         now_s[0], store.full = 104.0, False
         room.service.take(small_dicom(), "CARM")
         assert decode(FrameHeader, room.frames.get(timeout=PATIENCE_S).attachment).age_s == 4.0
+
+
+def test_an_image_that_is_sent_again_with_the_patients_name_corrected_is_as_old_as_the_first(tmp_path: Path) -> None:
+    now_s = [100.0]
+    with room_of(ImageStore(tmp_path), tmp_path / "positions", clock=Clock(monotonic_s=lambda: now_s[0])) as room:
+        room.service.take(small_dicom(), "CARM")
+        corrected = dcmread(BytesIO(small_dicom()))
+        corrected.PatientName = "Corrected^Name"
+        now_s[0] = 700.0
+        room.service.take(file_of(corrected), "CARM")
+        headers = [decode(FrameHeader, room.frames.get(timeout=PATIENCE_S).attachment) for _ in range(2)]
+    assert len({one.sha256 for one in headers}) == 2
+    assert [one.age_s for one in headers] == [0.0, 600.0]
 
 
 def test_a_store_that_would_take_an_image_again_is_ready_before_one_comes(tmp_path: Path) -> None:

@@ -61,3 +61,15 @@ def test_an_index_that_another_process_holds_is_an_error_of_the_disk(tmp_path: P
         other.execute("DROP TABLE images")
     with pytest.raises(OSError, match="no such table"):
         index.newest_sequence()
+
+
+def test_an_image_is_known_by_its_hash_and_by_its_uid_also_from_an_index_of_an_earlier_release(tmp_path: Path) -> None:
+    file = tmp_path / "index.sqlite"
+    index = filled(file, 1)
+    index.add(2, "a" * 64, b'{"sop_instance_uid": "1.2.3"}', in_run=False)
+    with sqlite3.connect(file) as earlier:
+        earlier.execute("DROP INDEX images_by_uid")
+    opened = ImageIndex(file)
+    assert opened.has("b" * 64, "1.2.3")
+    assert opened.has(f"{1:064d}", "1.2.4")
+    assert not opened.has("b" * 64, "1.2.4")
