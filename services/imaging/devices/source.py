@@ -1,14 +1,18 @@
 """The port through which images come in, whatever they come from."""
 
-from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Protocol
 
-Take = Callable[[bytes, str], None]
-"""Takes the content of one image file and its sender's name. When it returns, the image is kept.
 
-Raises `ImageUnreadable` when it will never be taken, `Refused` or `OSError` when it cannot be taken now.
-"""
+class Take(Protocol):
+    """Takes the content of one image file and its sender's name. When it returns, the image is kept.
+
+    Raises `ImageUnreadable` when it will never be taken, `Refused` or `OSError` when it cannot be taken now.
+    """
+
+    def __call__(self, content: bytes, sender: str, waited_s: float | None = 0.0, /) -> None:
+        """Take an image that has waited at its source for at most `waited_s`; None when nobody knows for how long."""
+        ...
 
 
 class Refused(Exception):

@@ -102,8 +102,10 @@ class ImagingService:
         """Wait until it is known which case is open, so that the first image after a restart joins it."""
         self._case_known.wait(timeout_s)
 
-    def take(self, content: bytes, sender: str) -> None:
+    def take(self, content: bytes, sender: str, waited_s: float | None = 0.0, /) -> None:
         """Keep one image under the next number and publish it; called from the receiver's threads.
+
+        It has waited at its source for `waited_s`: so much older it is, and of unknown age when that is None.
 
         When it returns, the image may be acknowledged: file and number are on the disk, and whatever is killed now,
         whoever missed the image will ask for it. It is published before it is calibrated: whoever wants to know where
@@ -118,10 +120,9 @@ class ImagingService:
         """
         received = self._clock.unix_ns(), self._clock.monotonic_s()
         image = read_image(content, sender).normalised(self._defaults.polarity)
-        sha256 = sha256_of(image.dicom)
+        sha256, uid = sha256_of(image.dicom), image.sop_instance_uid
         with self._store_watched():
-            if self._receipts.note(sha256, image.sop_instance_uid, received[1]):
-                uid = image.sop_instance_uid
+            if self._receipts.note(sha256, uid, None if waited_s is None else received[1] - waited_s):
                 self._runtime.log.warning("another file came with this UID: it is as old", sha256=sha256, uid=uid)
             self._store.put(image.dicom)
             with self._lock:

@@ -53,7 +53,7 @@ class Taker:
         self.refused = threading.Event()
         self._refusal = refusal
 
-    def __call__(self, content: bytes, sender: str) -> None:
+    def __call__(self, content: bytes, sender: str, _waited_s: float | None = 0.0, /) -> None:
         if self._refusal is not None:
             refusal, self._refusal = self._refusal, None
             self.refused.set()

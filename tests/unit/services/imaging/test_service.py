@@ -593,6 +593,15 @@ def test_an_image_that_the_store_did_not_take_at_first_is_as_old_as_its_first_re
         assert decode(FrameHeader, room.frames.get(timeout=PATIENCE_S).attachment).age_s == 4.0
 
 
+@pytest.mark.parametrize(("waited_s", "age_s"), [(0.0, 0.0), (3.0, 3.0), (None, None)])
+def test_an_image_is_as_old_as_the_time_that_it_has_waited_at_its_source(
+    tmp_path: Path, waited_s: float | None, age_s: float | None
+) -> None:
+    with room_of(ImageStore(tmp_path), tmp_path / "positions", clock=Clock(monotonic_s=lambda: 100.0)) as room:
+        room.service.take(small_dicom(), "file", waited_s)
+        assert decode(FrameHeader, room.frames.get(timeout=PATIENCE_S).attachment).age_s == age_s
+
+
 def test_an_image_that_is_sent_again_with_the_patients_name_corrected_is_as_old_as_the_first(tmp_path: Path) -> None:
     now_s = [100.0]
     with room_of(ImageStore(tmp_path), tmp_path / "positions", clock=Clock(monotonic_s=lambda: now_s[0])) as room:

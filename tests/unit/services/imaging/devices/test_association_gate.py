@@ -24,7 +24,7 @@ PROMPT_S = 1.5
 def receiving(name: str = "gate", **changes: object) -> Iterator[int]:
     endpoint = Endpoint("127.0.0.1", 0, "DISTALOCK", **changes)  # type: ignore[arg-type]  # by keyword
     log = structlog.stdlib.get_logger("test of gate").bind(receiver=name)
-    with dicom_receiver(endpoint, lambda _content, _sender: None, log) as port:
+    with dicom_receiver(endpoint, lambda *_: None, log) as port:
         yield port
 
 

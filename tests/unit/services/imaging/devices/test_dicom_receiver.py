@@ -30,7 +30,7 @@ class Taker:
         self.senders: list[str] = []
         self._refusal = refusal
 
-    def __call__(self, content: bytes, sender: str) -> None:
+    def __call__(self, content: bytes, sender: str, _waited_s: float | None = 0.0, /) -> None:
         if self._refusal:
             raise self._refusal
         self.taken.append(content)
@@ -122,7 +122,7 @@ def test_a_port_in_use_is_one_sentence() -> None:
 def test_an_image_that_is_being_stored_is_acknowledged_before_the_receiver_leaves() -> None:
     storing, release, statuses = threading.Event(), threading.Event(), list[Dataset | None]()
 
-    def take(content: bytes, sender: str) -> None:
+    def take(content: bytes, sender: str, _waited_s: float | None = 0.0, /) -> None:
         storing.set()
         assert release.wait(10.0)
 

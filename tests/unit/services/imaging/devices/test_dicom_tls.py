@@ -40,7 +40,7 @@ def receiving(keystore: Keystore, *senders: str) -> Iterator[tuple[int, list[str
     tls = server_context(files(keystore, DICOM), Clients.WITH_CERTIFICATE)
     taken: list[str] = []
     endpoint = Endpoint("127.0.0.1", 0, "DISTALOCK", tls=tls, tls_senders=senders)
-    with dicom_receiver(endpoint, lambda _content, sender: taken.append(sender), LOG) as port:
+    with dicom_receiver(endpoint, lambda _content, sender, *_: taken.append(sender), LOG) as port:
         yield port, taken
 
 

@@ -49,7 +49,7 @@ def film(file: Path, shifts: list[float]) -> Path:
 
 def images_of(settings: VideoSettings, count: int) -> list[NDArray[np.float32]]:
     taken: queue.Queue[bytes] = queue.Queue()
-    with VideoSource(settings, LOG).receiving(lambda content, _: taken.put(content)):
+    with VideoSource(settings, LOG).receiving(lambda content, *_: taken.put(content)):
         return [read_image(taken.get(timeout=PATIENCE_S), "video").pixels for _ in range(count)]
 
 
