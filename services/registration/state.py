@@ -61,9 +61,10 @@ class RegistrationState:
             self._changed.notify_all()
 
     def note_robot(self, state: RobotState) -> None:
-        """Note the newest state of the robot."""
+        """Note the newest state of the robot; since when it rests, a new run of its service does not know."""
         with self._changed:
-            pose, before = pose_at_rest(state), pose_at_rest(self._robot)
+            is_same_run = self._robot is not None and self._robot.boot_epoch == state.boot_epoch
+            pose, before = pose_at_rest(state), pose_at_rest(self._robot) if is_same_run else None
             if pose is None:
                 self._resting_since_s = float("inf")
             elif before is None or not same_place(before, pose):

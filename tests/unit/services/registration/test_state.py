@@ -113,6 +113,20 @@ def test_an_image_that_took_long_in_imaging_is_bound_by_when_it_was_received(
     assert (robot and robot.pose and robot.pose.x_mm) == x_mm
 
 
+@pytest.mark.requirement("REG-09")
+@pytest.mark.parametrize(("age_s", "bound"), [(0.2, True), (4.0, False)])
+def test_an_image_from_before_a_restart_of_the_robot_service_is_not_bound_to_its_new_run(
+    age_s: float, *, bound: bool
+) -> None:
+    clock = Clock(100.0)
+    state = RegistrationState("registration-1", 10, 0.5, lambda: clock.now_s)
+    for boot, now_s in (("robot-1", 100.0), ("robot-2", 112.0), ("robot-2", 112.1)):
+        clock.now_s = now_s
+        state.note_robot(robot_state(MotionState.LOCKED, HOME, boot))
+    clock.now_s = 114.0
+    assert (state.note_frame(header("late", age_s), BLANK).robot is not None) is bound
+
+
 def test_pixels_that_come_late_are_not_the_newest() -> None:
     state = knowing()
     late, newer = header("late"), header("newer")
