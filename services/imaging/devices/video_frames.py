@@ -20,9 +20,6 @@ from shared.threads import supervised_thread
 
 Picture = NDArray[np.generic]
 
-# Derived: the default of registration's `image_delay_s`, which is for all that happens between exposure and arrival.
-_OLDEST_S = 0.5
-
 
 class Capture(Protocol):
     """What is used of `cv2.VideoCapture`."""
@@ -70,13 +67,10 @@ class GrabbedFrames:
         Ends with the capture.
     dropped
         How many were grabbed so far and replaced by a newer one before anybody took them.
-    oldest_s
-        Time after which a frame no longer shows what is there.
     """
 
     frames: Iterator[Frame]
     dropped: Callable[[], int]
-    oldest_s: float
 
 
 Grab = Callable[[Capture, threading.Event], AbstractContextManager[GrabbedFrames]]
@@ -86,7 +80,7 @@ Grab = Callable[[Capture, threading.Event], AbstractContextManager[GrabbedFrames
 @contextmanager
 def every_frame(capture: Capture, ended: threading.Event) -> Iterator[GrabbedFrames]:
     """Read a file, which waits."""
-    yield GrabbedFrames(_read(capture, ended), lambda: 0, float("inf"))
+    yield GrabbedFrames(_read(capture, ended), lambda: 0)
 
 
 @contextmanager
@@ -108,7 +102,7 @@ def newest_frames(capture: Capture, ended: threading.Event) -> Iterator[GrabbedF
     thread = supervised_thread("video frames", grab)
     thread.start()
     try:
-        yield GrabbedFrames(iter(newest.take, None), lambda: newest.replaced, _OLDEST_S)
+        yield GrabbedFrames(iter(newest.take, None), lambda: newest.replaced)
     finally:
         left.set()
         thread.join()

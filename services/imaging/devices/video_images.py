@@ -1,4 +1,4 @@
-"""Images from the frames of a video: grey, cut to the region, averaged while nothing moves, and not too old."""
+"""Images from the frames of a video: grey, cut to the region, averaged while nothing moves."""
 
 import time
 from collections import deque
@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.imaging.core.still_frames import MotionLimits, StillRun, still_runs
+from services.imaging.core.still_frames import MotionLimits, still_runs
 from services.imaging.devices.video_frames import GrabbedFrames
 from shared.runtime.logging import Log
 
@@ -27,8 +27,24 @@ class Region:
     height: int
 
 
+@dataclass(frozen=True, slots=True)
+class VideoImage:
+    """Average of a still run.
+
+    Attributes
+    ----------
+    mean
+        Shape (rows, columns), 0 to 255.
+    grabbed_at_s
+        When its newest frame was there, on the monotonic clock: what it shows is as old as that.
+    """
+
+    mean: NDArray[np.float32]
+    grabbed_at_s: float
+
+
 class VideoImages:
-    """Still runs of one capture's frames.
+    """Images of one capture's frames.
 
     Parameters
     ----------
@@ -55,25 +71,13 @@ class VideoImages:
         self._grabbed_at_s: deque[float] = deque(maxlen=2)
         self._oldest_s = 0.0
 
-    def runs(self, limits: MotionLimits) -> Iterator[StillRun]:
-        """Runs that are long enough, each as soon as it is known.
-
-        Who takes an image counts its age from when it is handed on. One whose newest frame has waited for longer would
-        be bound to where the robot stands by now: it is left out, and the view is averaged anew.
-        """
-        frames = self._frames()
-        while True:
-            for run in still_runs(frames, limits):
-                if run.frames < limits.least_frames:
-                    continue
-                age_s = self._now_s() - self._grabbed_at_s[-1 - run.frames_after]
-                if age_s > self._grabbed.oldest_s:
-                    self._log.warning("image too old", video=self._name, detail=_too_old(age_s, self._grabbed.oldest_s))
-                    break
-                self._oldest_s = max(self._oldest_s, age_s)
-                yield run
-            else:
-                return
+    def averaged(self, limits: MotionLimits) -> Iterator[VideoImage]:
+        """One image of each still run that is long enough, as soon as it is known."""
+        for run in still_runs(self._frames(), limits):
+            if run.frames >= limits.least_frames:
+                grabbed_at_s = self._grabbed_at_s[-1 - run.frames_after]
+                self._oldest_s = max(self._oldest_s, self._now_s() - grabbed_at_s)
+                yield VideoImage(run.mean, grabbed_at_s)
 
     def _frames(self) -> Iterator[NDArray[np.float32]]:
         started_s, taken, dropped_before = self._now_s(), 0, self._grabbed.dropped()
@@ -88,13 +92,6 @@ class VideoImages:
                 started_s, taken, dropped_before = self._now_s(), 0, dropped_before + dropped
                 self._oldest_s = 0.0
             yield cut(grey_of(frame.picture), self._region)
-
-
-def _too_old(age_s: float, limit_s: float) -> str:
-    return (
-        f"the newest frame of an image waited {age_s:.2f} s (limit {limit_s:g} s); the view is averaged anew; if this "
-        "comes again, give imaging more processor time, or set a smaller video_region"
-    )
 
 
 def grey_of(frame: NDArray[np.generic]) -> NDArray[np.float32]:

@@ -5,6 +5,7 @@ Of what is live the newest frame counts (`video_frames`); a file is read frame b
 """
 
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,10 +14,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from services.imaging.core.still_frames import MotionLimits, StillRun
+from services.imaging.core.still_frames import MotionLimits
 from services.imaging.devices.source import Refused, Take
 from services.imaging.devices.video_frames import Capture, Grab, GrabbedFrames, every_frame, newest_frames
-from services.imaging.devices.video_images import Region, VideoImages
+from services.imaging.devices.video_images import Region, VideoImage, VideoImages
 from shared.errors import ConfigurationError, ImageUnreadable
 from shared.runtime.logging import Log
 from shared.threads import supervised_thread
@@ -116,15 +117,16 @@ class VideoSource:
     def _hand_on(self, grabbed: GrabbedFrames, take: Take) -> None:
         limits = MotionLimits(least_frames=self._settings.least_frames, most_frames=self._settings.most_frames)
         images = VideoImages(grabbed, self._settings.region, self._settings.address, self._log)
-        for run in images.runs(limits):
-            self._give(run, take)
+        for image in images.averaged(limits):
+            self._give(image, take)
 
-    def _give(self, run: StillRun, take: Take) -> None:
+    def _give(self, image: VideoImage, take: Take) -> None:
         sender = f"video {self._settings.address}"
         scale = 65535.0 / 255.0
-        pixels = np.round(np.clip(scale * run.mean, 0.0, 65535.0)).astype(np.uint16)
+        pixels = np.round(np.clip(scale * image.mean, 0.0, 65535.0)).astype(np.uint16)
         try:
-            take(cv2.imencode(".png", pixels, _PNG_FAST)[1].tobytes(), sender)
+            content = cv2.imencode(".png", pixels, _PNG_FAST)[1].tobytes()
+            take(content, sender, time.monotonic() - image.grabbed_at_s)
         except ImageUnreadable as error:
             self._log.warning("image refused", sender=sender, detail=str(error))
         except (Refused, OSError) as error:

@@ -5,9 +5,9 @@ import pytest
 import structlog
 from structlog.testing import capture_logs
 
-from services.imaging.core.still_frames import MotionLimits, StillRun
+from services.imaging.core.still_frames import MotionLimits
 from services.imaging.devices.video_frames import Frame, GrabbedFrames
-from services.imaging.devices.video_images import Region, VideoImages, cut, grey_of
+from services.imaging.devices.video_images import Region, VideoImage, VideoImages, cut, grey_of
 from tests.unit.services.imaging.devices.test_video_source import noisy, view
 
 LOG: structlog.stdlib.BoundLogger = structlog.stdlib.get_logger("video")
@@ -27,43 +27,27 @@ class Source:
             self.now_s = now_s
             yield Frame(noisy(shift_px, self._rng), self.now_s)
 
-    def runs(self, oldest_s: float) -> list[StillRun]:
-        grabbed = GrabbedFrames(self.frames(), lambda: self.dropped, oldest_s)
-        return list(VideoImages(grabbed, None, "C-arm", LOG, lambda: self.now_s).runs(LIMITS))
+    def images(self) -> list[VideoImage]:
+        grabbed = GrabbedFrames(self.frames(), lambda: self.dropped)
+        return list(VideoImages(grabbed, None, "C-arm", LOG, lambda: self.now_s).averaged(LIMITS))
 
 
-def shift_of(run: StillRun) -> float:
-    return max((0.0, 12.0), key=lambda shift: float(np.corrcoef(run.mean.ravel(), view(shift).ravel())[0, 1]))
+def shift_of(image: VideoImage) -> float:
+    return max((0.0, 12.0), key=lambda shift: float(np.corrcoef(image.mean.ravel(), view(shift).ravel())[0, 1]))
 
 
-STALLED = [(0.0, 0.0)] * 3 + [(5.0, 12.0)] * 4
-
-
-def test_an_image_that_waited_too_long_is_not_handed_on_and_the_view_is_averaged_anew() -> None:
-    """The robot may have moved while the source was silent: the image of before would be bound to its new place."""
-    with capture_logs() as logs:
-        runs = Source(*STALLED).runs(oldest_s=0.5)
-    assert [shift_of(run) for run in runs] == [12.0]
-    (late,) = [line for line in logs if line["event"] == "image too old"]
-    assert "waited 5.00 s (limit 0.5 s); the view is averaged anew" in late["detail"]
-
-
-def test_a_file_has_no_age() -> None:
-    assert [shift_of(run) for run in Source(*STALLED).runs(oldest_s=float("inf"))] == [0.0, 12.0]
-
-
-def test_the_age_is_that_of_the_newest_frame_that_was_averaged() -> None:
-    """One of another view ended the run: it is not of the image."""
-    shown = [(0.0, 0.0), (0.1, 0.0), (0.2, 0.0), (0.8, 12.0), (0.9, 12.0)]
-    assert Source(*shown).runs(oldest_s=0.5) == []
-    assert [shift_of(run) for run in Source(*shown).runs(oldest_s=0.7)] == [0.0]
+def test_an_image_is_as_old_as_the_newest_frame_that_was_averaged() -> None:
+    """One of another view ends the run, perhaps long after, when a source has stalled: it is not of the image."""
+    shown = [(0.0, 0.0), (0.1, 0.0), (0.2, 0.0), (5.0, 12.0), (5.1, 12.0), (5.2, 12.0)]
+    images = Source(*shown).images()
+    assert [(shift_of(image), image.grabbed_at_s) for image in images] == [(0.0, 0.2), (12.0, 5.2)]
 
 
 def test_rate_dropped_frames_and_age_are_in_the_log_every_ten_seconds() -> None:
     source = Source(*[(4.0 * k, 0.0) for k in range(4)])
-    grabbed = GrabbedFrames(source.frames(), lambda: round(5 * source.now_s), float("inf"))
+    grabbed = GrabbedFrames(source.frames(), lambda: round(5 * source.now_s))
     with capture_logs() as logs:
-        list(VideoImages(grabbed, None, "C-arm", LOG, lambda: source.now_s).runs(LIMITS))
+        list(VideoImages(grabbed, None, "C-arm", LOG, lambda: source.now_s).averaged(LIMITS))
     assert [{key: line[key] for key in ("frames_per_s", "dropped", "oldest_image_s")} for line in logs] == [
         {"frames_per_s": pytest.approx(64.0 / 12.0, abs=0.01), "dropped": 60, "oldest_image_s": 0.0}
     ]

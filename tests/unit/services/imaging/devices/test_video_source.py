@@ -75,9 +75,11 @@ def test_views_that_have_gone_while_an_image_was_taken_are_not_handed_on() -> No
     camera, rng = FakeCamera(), np.random.default_rng(9)
     taking, go = threading.Event(), threading.Event()
     taken: queue.Queue[bytes] = queue.Queue()
+    waited_s: list[float | None] = []
 
-    def take(content: bytes, _: str) -> None:
+    def take(content: bytes, _: str, waited: float | None = 0.0, /) -> None:
         taken.put(content)
+        waited_s.append(waited)
         taking.set()
         assert go.wait(PATIENCE_S)
 
@@ -98,6 +100,7 @@ def test_views_that_have_gone_while_an_image_was_taken_are_not_handed_on() -> No
     first, second = (read_image(taken.get(timeout=PATIENCE_S), "video").pixels for _ in range(2))
     assert np.corrcoef(first.ravel(), view(0.0).ravel())[0, 1] > 0.98
     assert np.corrcoef(second.ravel(), view(12.0).ravel())[0, 1] > 0.98
+    assert all(waited is not None and 0.0 < waited < PATIENCE_S for waited in waited_s), "since its frame was grabbed"
 
 
 def test_the_region_is_cut_out_and_the_format_is_told(tmp_path: Path) -> None:
