@@ -1,15 +1,15 @@
 """What stands before every route: the action that it names, and whether whoever asks may do it.
 
-A route says `openapi_extra=needs(Action.READ)`. It is refused before its body is read; a route that names no action
-cannot be made.
+A route says `openapi_extra=needs(Action.READ)`. It is refused before its body is read, and once more when the body has
+come, which may take seconds; a route that names no action cannot be made.
 """
 
 from collections.abc import Awaitable, Callable, Coroutine
 from typing import Annotated, Any, Final
 
-from fastapi import Depends, Request, WebSocket
+from fastapi import Depends, HTTPException, Request, WebSocket
 from fastapi.routing import APIRoute
-from starlette.requests import HTTPConnection
+from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.responses import Response
 
 from services.ui_api.core.identity import User
@@ -69,6 +69,7 @@ class GuardedRoute(APIRoute):
                 require_known_parameters(request, known)
             if takes_json:
                 require_json(request)
+                request.state.user = await _admitted_with_body(request, action)
             return conditional(request, sparse(request, await handler(request)))
 
         return guarded
@@ -112,6 +113,15 @@ def _admitted(connection: HTTPConnection, action: Action, *, is_limited: bool) -
     if is_limited:
         gateway.access.rate_limits.require(token, sender)
     return gateway.access.admitted(token, action, sender)
+
+
+async def _admitted_with_body(request: Request, action: Action) -> User | None:
+    """Who asks, once the body is there: access may end while it comes (`BODY_WITHIN_S`); raises `Refused`."""
+    try:
+        await request.body()
+    except ClientDisconnect:
+        raise HTTPException(400, "the connection ended before the body did; send the request again") from None
+    return gateway_of(request).access.admitted(_token(request), action, sender_of(request))
 
 
 def _token(connection: HTTPConnection) -> str | None:
