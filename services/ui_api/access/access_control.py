@@ -69,6 +69,23 @@ class AccessControl:
             )
         return user
 
+    def require_still(self, user: User, action: Action) -> None:
+        """Refuse whoever has lost access since the request was admitted; raises `Refused`.
+
+        Call it within the transaction of what is done: accounts and sessions change in transactions too, so that none
+        of their changes comes between.
+        """
+        if user.session_id is None:
+            return  # a program with the simulation's token has neither account nor session
+        account = self.accounts.find(user.name)
+        is_open = self.sessions.is_open(user.session_id)
+        if account is None or account.disabled or not may(account.roles, action) or not is_open:
+            raise unauthenticated(
+                "token_invalid",
+                f"the session of '{user.name}' ended while the request was worked on, and nothing was done; sign in "
+                "and ask again",
+            )
+
     def sign_in(self, name: str, password: str, address: str) -> Tokens:
         """Open a session; raises `Refused`."""
         if name == DEMO_USER and self._is_demo_token(password):

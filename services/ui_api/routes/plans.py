@@ -110,6 +110,7 @@ def approve_plan(
     shown = Authenticated.PASSKEY if is_repeated else _confirmed(request, body, if_match)
 
     def act(unit: UnitOfWork) -> Answer:
+        gateway.access.require_still(user, Action.APPROVE_PLAN)  # comparing takes time
         case = gateway.cases.case(case_id)
         _require_match(gateway, case, plan_of(case, number), if_match)
         approved = gateway.planning.approve(unit, case, number, Approver(user.name, shown))
