@@ -41,11 +41,17 @@ class Accounts:
     ----------
     taken_names
         Names that no account may have, besides those of services.
+
+    Attributes
+    ----------
+    on_create
+        Called when an account was made, whoever made it.
     """
 
     def __init__(self, record: CaseRecord, passwords: Passwords, taken_names: Iterable[str] = ()) -> None:
         self._record, self._passwords = record, passwords
         self._taken_names = frozenset(taken_names)
+        self.on_create: Callable[[], None] = lambda: None
 
     def find(self, name: str) -> Account | None:
         """The account of a name; None when there is none."""
@@ -95,6 +101,7 @@ class Accounts:
             )
         )
         note_change(unit, account.name, AccountChange.CREATED, account.roles, who)
+        unit.after_commit(self.on_create)
 
     def unchanged(self, account: Account) -> Account:
         """The account as it is now, of somebody who has just shown who he is; raises `Refused` where that is past."""

@@ -21,7 +21,7 @@ SETUP_PATH: Final = "/api/v1/setup"
 
 
 class FirstAccount:
-    """Holds the link until it has been used.
+    """Holds the link until there is an account, whoever made it.
 
     Parameters
     ----------
@@ -32,6 +32,7 @@ class FirstAccount:
     def __init__(self, accounts: Accounts, state_dir: Path) -> None:
         self._accounts, self._file = accounts, state_dir / SETUP_FILE
         self._token_sha256: bytes | None = None
+        accounts.on_create = self._withdraw
 
     def offer(self) -> None:
         """Write a new link while there is no account; forget an old one otherwise."""
@@ -46,21 +47,20 @@ class FirstAccount:
         _log.warning("no_account", detail="nobody can sign in yet; open this once to make the first account", link=path)
 
     def require(self, token: str) -> None:
-        """Refuse whoever has not the link; raises `Refused`."""
-        given = hashlib.sha256(token.encode()).digest()
-        if self._token_sha256 is None or not hmac.compare_digest(given, self._token_sha256):
+        """Refuse whoever has not the link, and everybody once there is an account; raises `Refused`."""
+        given, kept = hashlib.sha256(token.encode()).digest(), self._token_sha256
+        if kept is None or not hmac.compare_digest(given, kept) or not self._accounts.are_there_none():
             raise forbidden(
                 "setup_link_invalid",
-                "the link was used, or is of an earlier start; the newest one is in the file set-up-link of the state "
-                "folder as long as there is no account",
+                "there is an account already, or the link is of an earlier start; an administrator makes further "
+                "accounts, and as long as there is none the newest link is in the file set-up-link of the state folder",
             )
 
     def create(self, unit: UnitOfWork, token: str, name: str, password_hash: str) -> None:
-        """Make the first account, an administrator, and withdraw the link with the transaction; raises `Refused`."""
+        """Make the first account, an administrator, which withdraws the link; raises `Refused`."""
         self.require(token)  # once more, for transactions come one after another
         account = Account(name, frozenset({Role.ADMINISTRATOR}), password_hash, disabled=False, created_at_ns=0)
         self._accounts.create(unit, account, name)
-        unit.after_commit(self._withdraw)
 
     def _withdraw(self) -> None:
         self._token_sha256 = None

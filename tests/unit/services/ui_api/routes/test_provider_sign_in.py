@@ -12,6 +12,7 @@ import httpx
 import pytest
 
 from distalock.local_ports import free_ports
+from services.ui_api.core.access_settings import SETUP_FILE
 from services.ui_api.core.account_event_data import AccountChanged
 from services.ui_api.core.roles import Role
 from shared.pki.private_files import write_private
@@ -52,16 +53,19 @@ def _answers(url: str) -> bool:
 
 @pytest.fixture
 def room(issuer: str, tmp_path: Path) -> Iterator[Room]:
-    secret = tmp_path / "secret"
+    with open_room(tmp_path, **_settings(issuer, tmp_path)) as opened:
+        yield opened
+
+
+def _settings(issuer: str, folder: Path) -> dict[str, object]:
+    secret = folder / "secret"
     write_private(secret, b"between us\n")
-    settings = {
+    return {
         "provider_issuer": issuer,
         "provider_client_id": "or1",
         "provider_client_secret_file": secret,
         "provider_roles": {"or-surgeons": "surgeon"},
     }
-    with open_room(tmp_path, **settings) as opened:
-        yield opened
 
 
 def _came_back(browser: httpx.Client, subject: str) -> httpx.Response:
@@ -92,6 +96,17 @@ def test_a_surgeon_signs_in_there_and_is_known_here(room: Room, browser: httpx.C
     assert [(one.user_name, one.change) for one in made] == [("dr.a", "created")]
     refused = browser.post("/api/v1/sessions", json={"name": "dr.a", "password": PASSWORD})
     assert refused.json()["code"] == "login_failed", "there is no password to guess"
+
+
+def test_the_set_up_link_ends_with_the_first_account_also_of_the_provider(issuer: str, tmp_path: Path) -> None:
+    with open_room(tmp_path, demo_token_file=None, **_settings(issuer, tmp_path)) as room:
+        link = (tmp_path / SETUP_FILE).read_text().strip()
+        with httpx.Client(base_url=room.client.base_url, timeout=PATIENCE_S) as browser:
+            assert _came_back(browser, "1").status_code == 303
+            assert not (tmp_path / SETUP_FILE).exists()
+            made = browser.post(link, data={"name": "root.of.all", "password": PASSWORD})
+        assert (made.status_code, made.json()["code"]) == (403, "setup_link_invalid")
+        assert [(one.name, one.roles) for one in room.gateway.access.accounts.all()] == [("dr.a", {Role.SURGEON})]
 
 
 def test_who_has_no_role_or_the_name_of_another_is_not_let_in(room: Room, browser: httpx.Client) -> None:

@@ -11,6 +11,7 @@ from services.ui_api.core.event_data import CaseOpened, PlanApproved
 from services.ui_api.core.events import EventData
 from services.ui_api.core.robot_event_data import OperationRequested
 from services.ui_api.core.roles import Role
+from services.ui_api.handlers.refusals import Refused
 from shared.messages.base import decode
 from shared.messages.permits import Permit
 from shared.messages.robot import MotionState
@@ -59,6 +60,26 @@ def test_the_first_account_is_made_by_a_link_that_works_once(hospital: Room, tmp
     assert _outcome(again) == (403, "setup_link_invalid")
     with signed_in(hospital, "root.of.all") as administrator:
         assert administrator.get(f"{USERS}/me").json()["roles"] == ["administrator"]
+
+
+@pytest.mark.parametrize("is_withdrawn", [True, False], ids=["withdrawn", "not yet withdrawn"])
+def test_the_link_ends_with_the_first_account_whoever_made_it(
+    hospital: Room, tmp_path: Path, *, is_withdrawn: bool
+) -> None:
+    link = (tmp_path / SETUP_FILE).read_text().strip()
+    if not is_withdrawn:
+        hospital.gateway.access.accounts.on_create = lambda: None
+    add_account(hospital, "dr.a", Role.SURGEON)
+    assert (tmp_path / SETUP_FILE).exists() is not is_withdrawn
+    url = str(hospital.client.base_url).rstrip("/") + link
+    form = {"name": "root.of.all", "password": PASSWORD}
+    for answer in (httpx.get(url, timeout=PATIENCE_S), httpx.post(url, data=form, timeout=PATIENCE_S)):
+        assert _outcome(answer) == (403, "setup_link_invalid")
+        assert "an administrator makes further accounts" in answer.json()["detail"]
+    first, token = hospital.gateway.access.first_account, link.partition("token=")[2]
+    with hospital.gateway.record.write() as unit, pytest.raises(Refused, match="there is an account already"):
+        first.create(unit, token, "root.of.all", "a hash")
+    assert [one.name for one in hospital.gateway.access.accounts.all()] == ["dr.a"]
 
 
 def test_there_is_no_link_where_there_is_an_account(tmp_path: Path) -> None:
