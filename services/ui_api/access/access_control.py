@@ -36,7 +36,7 @@ class AccessControl:
     def __init__(
         self, record: CaseRecord, clock: Clock, settings: AccessSettings, on_session_end: Callable[[], None]
     ) -> None:
-        self._settings, self._clock = settings, clock
+        self._record, self._settings, self._clock = record, settings, clock
         self._provider = None if settings.provider is None else Provider(settings.provider, clock)
         self._demo_sha256 = None if settings.demo_token is None else _digest(settings.demo_token)
         passwords = Passwords()
@@ -106,7 +106,14 @@ class AccessControl:
         return None if self._provider is None else self._provider.issuer
 
     def sign_in_of_provider(self, identity: ProviderIdentity) -> Tokens:
-        """Open a session for somebody whom the identity provider knows; raises `Refused`."""
+        """Open a session for somebody whom the identity provider knows; raises `Refused`.
+
+        Who has no role there any more is refused, and his account has none here either: its sessions end.
+        """
+        if not identity.roles:
+            with self._record.write() as unit:
+                self.accounts.without_roles(unit, identity.subject, self.sessions.end_all_of)
+            raise self.provider.roles_missing(identity)
 
         def account_now(unit: UnitOfWork) -> Account:
             return self.accounts.of_provider(unit, identity, self.sessions.end_all_of)

@@ -20,6 +20,7 @@ from services.ui_api.record.unit_of_work import UnitOfWork
 
 # Of accounts of the identity provider: no password has this hash.
 NO_PASSWORD: Final = "none"  # noqa: S105 - it opens nothing
+EndSessions = Callable[[UnitOfWork, str], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,9 +111,7 @@ class Accounts:
             raise login_failed()
         return now
 
-    def of_provider(
-        self, unit: UnitOfWork, identity: ProviderIdentity, end_sessions: Callable[[UnitOfWork, str], None]
-    ) -> Account:
+    def of_provider(self, unit: UnitOfWork, identity: ProviderIdentity, end_sessions: EndSessions) -> Account:
         """The account of somebody whom the provider knows, made at the first time; raises `Refused`.
 
         Roles are those that the provider says now; sessions with other roles end.
@@ -126,13 +125,12 @@ class Accounts:
         account = _account(rows[0])
         if account.disabled:
             raise forbidden("account_disabled", f"the account '{account.name}' is disabled; ask an administrator")
-        if account.roles != identity.roles:
-            unit.change(
-                update(USERS).where(USERS.c.name == account.name).values(roles_json=_roles_json(identity.roles))
-            )
-            note_change(unit, account.name, AccountChange.ROLES_CHANGED, identity.roles, "gateway")
-            end_sessions(unit, account.name)
-        return replace(account, roles=identity.roles)
+        return _with_roles(unit, account, identity.roles, end_sessions)
+
+    def without_roles(self, unit: UnitOfWork, subject: str, end_sessions: EndSessions) -> None:
+        """Take all roles back from the account of somebody whom the provider gives none, where he has an account."""
+        for row in self._record.rows(select(USERS).where(USERS.c.provider_subject == subject)):
+            _with_roles(unit, _account(row), frozenset(), end_sessions)
 
     def set_password(self, unit: UnitOfWork, name: str, password_hash: str, who: str) -> None:
         """Replace the password; raises `Refused`."""
@@ -181,6 +179,15 @@ def login_failed() -> Refused:
 def note_change(unit: UnitOfWork, name: str, change: AccountChange, roles: frozenset[Role], who: str) -> None:
     """Put a change of an account into the log."""
     unit.append(EventDraft(AccountChanged(name, change, tuple(sorted(roles))), None, who))
+
+
+def _with_roles(unit: UnitOfWork, account: Account, roles: frozenset[Role], end_sessions: EndSessions) -> Account:
+    """The account with the roles that the provider says; sessions with others end."""
+    if account.roles != roles:
+        unit.change(update(USERS).where(USERS.c.name == account.name).values(roles_json=_roles_json(roles)))
+        note_change(unit, account.name, AccountChange.ROLES_CHANGED, roles, "gateway")
+        end_sessions(unit, account.name)
+    return replace(account, roles=roles)
 
 
 def roles_of_json(roles_json: str) -> frozenset[Role]:

@@ -21,7 +21,7 @@ from joserfc import jws, jwt
 from joserfc.errors import JoseError
 from joserfc.jwk import KeySet
 
-from services.ui_api.access.provider_claims import identity_of_claims
+from services.ui_api.access.provider_claims import identity_of_claims, roles_missing
 from services.ui_api.core.access_settings import ProviderSettings
 from services.ui_api.core.identity import ProviderIdentity
 from services.ui_api.handlers.clock import Clock
@@ -92,7 +92,7 @@ class Provider:
         return Departure(f"{endpoint}{'&' if '?' in endpoint else '?'}{urlencode(query)}", browser)
 
     def arrive(self, state: str, code: str, browser_secret: str, redirect_uri: str) -> ProviderIdentity:
-        """Who has come back; raises `Refused`."""
+        """Who has come back, perhaps without a role (`roles_missing`); raises `Refused`."""
         with self._lock:
             pending = self._pending.pop(state, None)
         if pending is None or pending.ends_s <= self._clock.monotonic_s():
@@ -103,6 +103,10 @@ class Provider:
             raise unauthenticated("sign_in_of_another_browser", "this sign-in began in another browser; begin again")
         tokens = self._exchanged(code, pending.code_verifier, redirect_uri)
         return identity_of_claims(self._claims(tokens, pending.nonce), self._settings)
+
+    def roles_missing(self, identity: ProviderIdentity) -> Refused:
+        """Refusal of somebody who has come back without a role."""
+        return roles_missing(identity, self._settings)
 
     def _exchanged(self, code: str, code_verifier: str, redirect_uri: str) -> Mapping[str, Any]:
         """The tokens for a code. The client's secret goes in the head (`client_secret_basic`)."""

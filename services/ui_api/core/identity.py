@@ -25,11 +25,22 @@ class Approver:
 
 @dataclass(frozen=True, slots=True)
 class ProviderIdentity:
-    """Somebody whom an identity provider knows. `subject` is issuer and subject, the name that never changes."""
+    """Somebody whom an identity provider knows.
+
+    Attributes
+    ----------
+    subject
+        Issuer and subject, the name that never changes.
+    roles
+        Those that his groups stand for; empty when none of them stands for one.
+    groups
+        What the provider's claim of roles has.
+    """
 
     subject: str
     name: str
     roles: frozenset[Role]
+    groups: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

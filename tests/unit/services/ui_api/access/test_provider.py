@@ -150,14 +150,25 @@ def test_a_way_back_of_yesterday_is_refused() -> None:
     assert refused(trip.back) == "sign_in_unknown"
 
 
+@pytest.mark.parametrize("name", [{}, {"preferred_username": "7"}], ids=["none", "too short"])
+def test_nobody_without_a_name(name: Claims) -> None:
+    claims = {"sub": "1", "groups": ["or-staff"], **name}
+    assert refused(lambda: identity_of_claims(claims, SETTINGS)) == "provider_name_unusable"
+
+
 @pytest.mark.parametrize(
-    ("claims", "code"),
+    ("claims", "sentence"),
     [
-        ({"preferred_username": "dr.a", "groups": ["everybody"]}, "provider_roles_missing"),
-        ({"preferred_username": "dr.a"}, "provider_roles_missing"),
-        ({"groups": ["or-staff"]}, "provider_name_unusable"),
-        ({"preferred_username": "7", "groups": ["or-staff"]}, "provider_name_unusable"),
+        (
+            {"preferred_username": "dr.a", "groups": ["everybody"]},
+            "'dr.a' has no role here: the claim 'groups' has e",
+        ),
+        ({"preferred_username": "dr.a"}, "the claim 'groups' has nothing, and roles come from or-surgeons, or-staff"),
+        ({}, f"'{ISSUER} 1' has no role here"),
     ],
 )
-def test_nobody_without_a_name_or_a_role(claims: Claims, code: str) -> None:
-    assert refused(lambda: identity_of_claims({"sub": "1", **claims}, SETTINGS)) == code
+def test_who_has_no_role_is_known_and_refused(claims: Claims, sentence: str) -> None:
+    identity = identity_of_claims({"sub": "1", **claims}, SETTINGS)
+    assert (identity.subject, identity.roles) == (f"{ISSUER} 1", frozenset())
+    refusal = Trip(PlayedProvider()).provider.roles_missing(identity)
+    assert (refusal.code, sentence in str(refusal)) == ("provider_roles_missing", True), str(refusal)

@@ -117,6 +117,25 @@ def test_who_has_no_role_or_the_name_of_another_is_not_let_in(room: Room, browse
         assert browser.get("/api/v1/users/me").status_code == 401
 
 
+def test_who_loses_all_roles_there_has_none_here(room: Room, browser: httpx.Client, issuer: str) -> None:
+    person: dict[str, object] = {"preferred_username": "dr.b", "groups": ["or-surgeons"]}
+    httpx.put(f"{issuer}/users/4", json=person, timeout=PATIENCE_S)
+    assert _came_back(browser, "4").status_code == 303
+    httpx.put(f"{issuer}/users/4", json=person | {"groups": []}, timeout=PATIENCE_S)
+    with httpx.Client(base_url=room.client.base_url, timeout=PATIENCE_S) as elsewhere:
+        for _ in range(2):
+            assert _came_back(elsewhere, "4").json()["code"] == "provider_roles_missing"
+    for asked in (browser.get("/api/v1/users/me"), browser.post("/api/v1/sessions/refresh")):
+        assert asked.status_code == 401, "the session of before has ended"
+    assert room.get("/users/dr.b").json()["roles"] == []
+    events = room.gateway.record.events_after(0)
+    recorded = [(e.data.change, e.data.roles, e.who) for e in events if isinstance(e.data, AccountChanged)]
+    assert recorded == [("created", ("surgeon",), "dr.b"), ("roles_changed", (), "gateway")]
+    httpx.put(f"{issuer}/users/4", json=person, timeout=PATIENCE_S)
+    assert _came_back(browser, "4").status_code == 303
+    assert browser.get("/api/v1/users/me").json()["roles"] == ["surgeon"]
+
+
 def test_the_way_back_without_a_code_says_why(browser: httpx.Client) -> None:
     back = browser.get("/api/v1/sessions/provider/return?state=x&error=access_denied&session_state=theirs")
     assert (back.status_code, back.json()["code"]) == (401, "provider_refused")
