@@ -98,7 +98,8 @@ async def all_events(
     gateway: TheGateway, user: TheUser, last_event_id: LastEventId = None, after: After = None
 ) -> Response:
     """All events. Without `Last-Event-ID` and `after`: those to come."""
-    return EventStream(gateway, user, _start(last_event_id, after, gateway.record.ledger.head_sequence), None)
+    head = gateway.record.ledger.head_sequence
+    return EventStream(gateway, user, _start(last_event_id, after, head, head), None)
 
 
 @router.get("/cases/{case_id}/events", response_class=EventStream, responses=_STREAM, openapi_extra=needs(Action.READ))
@@ -107,10 +108,11 @@ async def case_events(
 ) -> Response:
     """The events of a case. Without `Last-Event-ID` and `after`: from its beginning."""
     gateway.cases.case(case_id)
-    return EventStream(gateway, user, _start(last_event_id, after, 0), case_id)
+    return EventStream(gateway, user, _start(last_event_id, after, 0, gateway.record.ledger.head_sequence), case_id)
 
 
-def _start(last_event_id: str | None, after: int | None, otherwise: int) -> int:
+def _start(last_event_id: str | None, after: int | None, otherwise: int, head: int) -> int:
+    """Where to begin: not beyond the log's end, where it has gone back to that of an older backup."""
     if last_event_id is not None:
-        return int(last_event_id)
-    return otherwise if after is None else after
+        return min(int(last_event_id), head)
+    return otherwise if after is None else min(after, head)

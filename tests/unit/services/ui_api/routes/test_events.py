@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from itertools import islice
 
 import httpx
+import pytest
 
 from services.ui_api.routes.event_followers import RETRY_MS
 from tests.unit.services.ui_api.fakes import PATIENCE_S
@@ -63,6 +64,22 @@ def test_without_a_place_to_resume_only_new_events_come(room: Room) -> None:
         case_id = room.open_case()
         opened = next(events)
     assert (opened["sequence"], opened["case_id"]) == (head + 1, case_id)
+
+
+@pytest.mark.parametrize("place", ["/events", "/events?after={}", "/cases/{case_id}/events"])
+def test_a_place_beyond_the_end_of_the_log_is_its_end(room: Room, place: str) -> None:
+    case_id = room.open_case()
+    beyond = room.gateway.record.ledger.head_sequence + 50  # of before an older backup was restored
+    headers = {} if "after" in place else {"Last-Event-ID": str(beyond)}
+    path = f"/api/v1{place.format(beyond, case_id=case_id)}"
+    with room.client.stream("GET", path, headers=headers, timeout=PATIENCE_S) as answer:
+        step = room.post(f"/cases/{case_id}/steps", {"step": "mount_moved"})
+        assert step.status_code == 201, step.text
+        first = next(line for line in answer.iter_lines() if line.startswith(("data: ", ":")))
+    assert first.startswith("data: "), "nothing but a ping came"
+    came = json.loads(first.removeprefix("data: "))
+    assert (came["kind"], came["case_id"]) == ("step_recorded", case_id)
+    assert came["sequence"] < beyond
 
 
 def test_changes_of_the_robot_are_events(room: Room) -> None:
