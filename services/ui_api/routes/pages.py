@@ -21,6 +21,8 @@ V = TypeVar("V")
 
 Limit = Annotated[int, Query(ge=1, le=200)]
 _MARK = "after:"
+# Beyond every list, and within the 64 bits of the databases.
+_MOST_PLACES: Final = 10**18
 # What `cursor_after` makes: the mark and a number, in base64.
 _CURSOR_PATTERN: Final = "^YWZ0ZXI6[A-Za-z0-9_-]{1,32}$"
 Cursor = Annotated[
@@ -99,7 +101,8 @@ def _position(cursor: str) -> int:
     except ValueError:  # what is not base64, and what is not ASCII: both are kinds of it
         return _refuse()
     number = text.removeprefix(_MARK)
-    return int(number) if number.isascii() and number.isdigit() else _refuse()
+    is_place = number.isascii() and number.isdigit() and int(number) < _MOST_PLACES
+    return int(number) if is_place else _refuse()
 
 
 def _refuse() -> int:
