@@ -23,7 +23,7 @@ from services.robot.core.refusals import Refusal, RefusalCode
 from services.robot.core.status import DriveStatus
 from services.robot.core.tuning import SUPERVISION
 from services.robot.devices.gcs.controller import GcsController
-from services.robot.devices.serial_line import open_port
+from services.robot.devices.serial_port import open_port
 from services.robot.drive.drive import Drive
 from shared.geometry.hexapod import PlatformPose
 from shared.robot_states import MotionState

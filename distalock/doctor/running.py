@@ -9,7 +9,7 @@ from distalock.readiness import Server
 from services.imaging.settings import ImagingSettings
 from services.robot.devices.dialects import DIALECTS
 from services.robot.devices.identity import asked_identity
-from services.robot.devices.serial_line import open_port
+from services.robot.devices.serial_port import open_port
 from services.robot.settings import RobotSettings
 from shared.doctor.finding import Finding, attention, of_running, unknown, well, wrong
 from shared.errors import DeviceError

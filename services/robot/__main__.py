@@ -12,7 +12,7 @@ from services.robot.core.status import DriveStatus
 from services.robot.devices.controller import HexapodController
 from services.robot.devices.dialects import DIALECTS
 from services.robot.devices.guardian import Guardian, hosted_at
-from services.robot.devices.serial_line import open_port
+from services.robot.devices.serial_port import open_port
 from services.robot.drive.drive import Drive
 from services.robot.service import RobotParts, RobotService
 from services.robot.settings import RobotSettings

@@ -1,6 +1,6 @@
 """The port to a hexapod controller: what every dialect (`devices/gcs`, ...) implements, and its neutral errors.
 
-A dialect takes a port (`serial_line.Port`), speaks its protocol on it, and reports errors of the controller as
+A dialect takes a port (`serial_port.Port`), speaks its protocol on it, and reports errors of the controller as
 `ControllerError`. It is registered in `dialects.py`; nothing else knows it.
 """
 

@@ -9,7 +9,7 @@ from services.robot.devices.controller import Encoders, HexapodController
 from services.robot.devices.gcs import codec
 from services.robot.devices.gcs.controller import GcsController
 from services.robot.devices.guardian import LineGuardian
-from services.robot.devices.serial_line import Port
+from services.robot.devices.serial_port import Port
 from shared.geometry.hexapod import HexapodPart
 
 

@@ -3,7 +3,7 @@
 import time
 from typing import Final
 
-from services.robot.devices.serial_line import Port
+from services.robot.devices.serial_port import Port
 
 # Chosen: far above any identification; what exceeds it is garbage.
 _LONGEST_ANSWER: Final = 200

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 import pytest
 
 from services.robot.devices.gcs.controller import GcsController
-from services.robot.devices.serial_line import open_port
+from services.robot.devices.serial_port import open_port
 from simulation.controller.servers import tcp_server, terminal_server
 from simulation.controller.virtual_controller import VirtualController
 from tests.contract.controller.lines import HEXAPOD, wait_until

@@ -13,7 +13,7 @@ from services.robot.core.tuning import CONTROLLER_LINE, SUPERVISION
 from services.robot.devices.controller import Encoders, HexapodController
 from services.robot.devices.gcs.controller import GcsController
 from services.robot.devices.guardian import Guardian
-from services.robot.devices.serial_line import open_port
+from services.robot.devices.serial_port import open_port
 from services.robot.drive.drive import Drive
 from shared.geometry.hexapod import ZERO_POSE
 from shared.robot_states import MotionState

@@ -8,7 +8,7 @@ from services.robot.core.deviation import Deviation, deviation
 from services.robot.core.tuning import SUPERVISION
 from services.robot.devices.controller import ControllerSilent, Encoders
 from services.robot.devices.gcs.controller import GcsController
-from services.robot.devices.serial_line import open_port
+from services.robot.devices.serial_port import open_port
 from shared.errors import DeviceError
 from shared.geometry.hexapod import PlatformPose
 from simulation.controller import hexapod_model

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from services.robot.devices.gcs.controller import GcsController
-from services.robot.devices.serial_line import open_port
+from services.robot.devices.serial_port import open_port
 from shared.errors import DeviceError
 from simulation.controller.virtual_controller import VirtualController
 from tests.contract.controller.lines import HEXAPOD, wait_until

@@ -8,7 +8,7 @@ import pytest
 
 from services.robot.core.tuning import SUPERVISION
 from services.robot.devices.gcs.controller import LOCK_UNCONFIRMED, GcsController
-from services.robot.devices.serial_line import open_port
+from services.robot.devices.serial_port import open_port
 from services.robot.drive.drive import Drive
 from shared.scheduling import precedence
 from simulation.controller.gcs_protocol import SingleByte

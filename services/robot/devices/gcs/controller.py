@@ -11,7 +11,8 @@ from services.robot.devices.controller import ControllerFault, Encoders, ReplyGa
 from services.robot.devices.gcs import codec
 from services.robot.devices.gcs.errors import controller_error
 from services.robot.devices.guardian import UNGUARDED, LineGuardian
-from services.robot.devices.serial_line import LineProtocol, Port, SerialLine
+from services.robot.devices.serial_line import LineProtocol, SerialLine
+from services.robot.devices.serial_port import Port
 from shared.errors import DeviceError
 from shared.geometry.hexapod import AXES, HexapodPart, PlatformPose
 

@@ -10,7 +10,7 @@ from services.robot.core.tuning import SUPERVISION
 from services.robot.devices.controller import Encoders, HexapodController
 from services.robot.devices.dialects import Driver
 from services.robot.devices.guardian import UNGUARDED
-from services.robot.devices.serial_line import Port
+from services.robot.devices.serial_port import Port
 from services.robot.drive.drive import Drive
 from shared.geometry.hexapod import ZERO_POSE, HexapodPart, PlatformPose
 from shared.robot_states import MotionState, StopButton

@@ -4,7 +4,8 @@ from services.robot.core.controller_feedback import ControllerError, ControllerF
 from services.robot.devices.controller import Encoders, StopInForce, garbled, number_in
 from services.robot.devices.dialects import DIALECTS, Dialect, Driver
 from services.robot.devices.guardian import LineGuardian
-from services.robot.devices.serial_line import LineProtocol, Port, SerialLine
+from services.robot.devices.serial_line import LineProtocol, SerialLine
+from services.robot.devices.serial_port import Port
 from shared.errors import DeviceError
 from shared.geometry.hexapod import HexapodPart, PlatformPose
 from shared.parts.hexapod_file import default_hexapod

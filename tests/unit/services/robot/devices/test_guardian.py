@@ -14,7 +14,7 @@ from services.robot.core.tuning import GUARDING
 from services.robot.devices.controller import StopInForce
 from services.robot.devices.guardian import ChildGuardian, Guardian, GuardianLost, file_number_of
 from services.robot.devices.guardian_process import ARM, ROUNDS
-from services.robot.devices.serial_line import open_port
+from services.robot.devices.serial_port import open_port
 
 STOP, LOCK = b"\x18", b"lock\n"
 PATIENCE_S = 60.0

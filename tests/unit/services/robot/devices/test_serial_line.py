@@ -1,7 +1,5 @@
 """The GCS driver against a small controller: silence, late and garbled answers, and lines that break."""
 
-import os
-import pty
 import re
 import threading
 
@@ -10,7 +8,7 @@ import pytest
 from services.robot.core.controller_feedback import ErrorKind
 from services.robot.devices.controller import ControllerSilent, ReplyGarbled
 from services.robot.devices.gcs.controller import GcsController
-from services.robot.devices.serial_line import MOST_STALE_REPLIES, open_port
+from services.robot.devices.serial_line import MOST_STALE_REPLIES
 from shared.errors import DeviceError
 from shared.geometry.hexapod import PlatformPose
 from shared.parts.hexapod_file import default_hexapod
@@ -150,22 +148,6 @@ def test_what_is_no_hexapod_controller_is_refused(gcs: FakeGcs, attribute: str, 
     with pytest.raises(DeviceError, match=sentence):
         GcsController(gcs, HEXAPOD, reply_timeout_s=SHORT_S)
     assert gcs.closed
-
-
-def test_a_port_that_cannot_be_opened_is_reported() -> None:
-    with pytest.raises(DeviceError, match=r"the hexapod controller at 'socket://127\.0\.0\.1:1' cannot be reached"):
-        open_port("socket://127.0.0.1:1", 115200)
-    with pytest.raises(DeviceError, match="cannot be reached"):
-        open_port("/dev/no-such-device", 115200)
-
-
-def test_a_device_that_another_program_holds_is_refused() -> None:
-    _, terminal = pty.openpty()
-    held = open_port(os.ttyname(terminal), 115200)
-    with pytest.raises(DeviceError, match=r"cannot be reached: .*; check .* that no other program holds the line"):
-        open_port(os.ttyname(terminal), 115200)
-    held.close()
-    open_port(os.ttyname(terminal), 115200).close()
 
 
 def test_a_digit_that_the_line_changed_is_not_believed(gcs: FakeGcs, controller: GcsController) -> None:
