@@ -255,8 +255,8 @@ def stood_elsewhere(localised: LocalisedFrame, robot: RobotState | None) -> str 
         return None
     if before is None:
         return (
-            "where the robot stood when the image was made is not certain, for it was moving or had just moved, or has "
-            "moved since imaging received the image"
+            "where the robot stood when the image was made is not certain, for it was moving or had just moved, has "
+            "moved since imaging received the image, or nobody knows when that was"
         )
     if localised.record.robot_boot_epoch != robot.boot_epoch:
         return "the robot service has been started anew since the image was made"

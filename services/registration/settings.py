@@ -19,8 +19,9 @@ class RegistrationSettings(ServiceSettings):
     )
     image_delay_s: Annotated[float, Field(ge=0.0, le=30.0)] = Field(
         0.5,
-        description="Longest time from an exposure until imaging has received it, as measured on this C-arm: an image "
-        "that is received sooner than this after the robot moved may show it elsewhere, and no plan is made from it.",
+        description="Longest time from an exposure until imaging has received it, and from imaging to registration, as "
+        "measured on this C-arm; the time that an image waits in imaging is not part of it. An image that is received "
+        "sooner than this after the robot moved may show it elsewhere, and no plan is made from it.",
     )
     oldest_image_s: Annotated[float, Field(gt=0.0, le=86400.0)] = Field(
         OLDEST_IMAGE.limit.value,

@@ -31,8 +31,8 @@ class RegistrationState:
     boot_epoch
         Of this run of registration: the first half of every registration epoch.
     image_delay_s
-        How long an image may take from its exposure until imaging has received it: it is bound to the robot's pose only
-        when the robot had stood there for so long by then.
+        How long an image may take from its exposure until imaging has received it, and from imaging to here: it is
+        bound to the robot's pose only when the robot had stood there for so long by then.
     """
 
     def __init__(self, boot_epoch: str, kept: int, image_delay_s: float, clock_s: Callable[[], float]) -> None:
@@ -93,7 +93,8 @@ class RegistrationState:
     def _had_rested(self, age_s: float | None) -> bool:
         """Whether the robot had stood for long enough when imaging received an image; an unknown age is a no.
 
-        An image may wait in imaging, or be sent again: the time of its arrival here says nothing of its exposure.
+        An image may wait in imaging, or be sent again: the time of its arrival here says nothing of its exposure. Its
+        age is that at which imaging published it: the way from there counts as rest, and as part of the delay.
         """
         if age_s is None:
             return False

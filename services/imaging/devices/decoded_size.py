@@ -59,7 +59,7 @@ def require_room(dataset: Dataset, source: str) -> None:
     if not 0 < frames * frame <= _MOST_VALUES:
         raise ImageUnreadable(
             f"{source}: {frames} frames of {columns} x {rows} are {frames * frame} values "
-            f"(1 to {_MOST_VALUES}); send a shorter run or single images"
+            f"(1 to {_MOST_VALUES}); send {'grey images' if frames == 1 else 'a shorter run or single images'}"
         )
     if frames > 1 and frame > _MOST_FRAME_VALUES:
         raise ImageUnreadable(

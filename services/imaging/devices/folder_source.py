@@ -156,6 +156,8 @@ class FolderSource:
             if _seen(file.path) == file.seen:
                 target.parent.mkdir(exist_ok=True)
                 file.path.replace(target)
+        except FileNotFoundError:
+            pass  # whoever put it there has removed it
         except OSError as error:
             if not file.belongs_in:  # said once, and tried again at every look
                 detail = f"{error}; it is not taken again: move it away, or what stands in its place"

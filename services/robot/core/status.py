@@ -26,6 +26,9 @@ Outcome = Literal["none", "moving", "reached", "stopped", "failed"]
 
 UNDER_WAY = (MotionState.MOVING, MotionState.REFERENCING)
 ACKNOWLEDGEMENTS = (Event.ACKNOWLEDGE_REFERENCED, Event.ACKNOWLEDGE_UNREFERENCED)
+# Chosen: as many as a person reads; a noisy line may give a new one in every round.
+_MOST_FURTHER_FAULTS = 3
+_THEN = "; then: "
 _HELD = frozenset({MotionState.LOCKED, MotionState.STOPPED})
 
 
@@ -167,10 +170,14 @@ def with_overtaken_error(
 
 
 def _with_further_error(status: DriveStatus, error: ControllerError | None) -> DriveStatus:
-    """The first fault's sentence stays; what the controller reports after it stands behind."""
-    if error is None or error.is_stop or error.message in status.detail:
+    return status if error is None or error.is_stop else with_further_fault(status, error.message)
+
+
+def with_further_fault(status: DriveStatus, message: str) -> DriveStatus:
+    """The first fault's sentence stays; what the controller reports after it stands behind, up to a number."""
+    if message in status.detail or status.detail.count(_THEN) >= _MOST_FURTHER_FAULTS:
         return status
-    return replace(status, detail=f"{status.detail}; then: {error.message}")
+    return replace(status, detail=f"{status.detail}{_THEN}{message}")
 
 
 def _while_moving(

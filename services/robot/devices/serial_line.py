@@ -206,7 +206,8 @@ class SerialLine:
 
     def _find_step(self) -> None:
         """Discard answers that come late until the marker's has come: answers keep their order."""
-        self._forget_partial.set()
+        if self._take_late is None:  # what has come of a late answer belongs to its rest
+            self._forget_partial.set()
         question = self._protocol.marker_question
         self.write(question)
         last: list[str] = []

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import assert_never
 
 from services.robot.core.motion import Effect, Event
-from services.robot.core.status import UNDER_WAY, with_feedback, with_overtaken_error
+from services.robot.core.status import UNDER_WAY, with_feedback, with_further_fault, with_overtaken_error
 from services.robot.core.stop_result import Readback
 from services.robot.core.supervision import MoveUnderWay
 from services.robot.core.tuning import RATES
@@ -164,3 +164,5 @@ class Worker:
                 self._motion.apply(Event.CONTROLLER_STOPPED, str(error))
             elif status.state is not MotionState.FAULT:
                 self._motion.apply(Event.FAULT_SEEN, str(error))
+            elif isinstance(error, ControllerFault):
+                self._motion.note(with_further_fault(self._motion.status, str(error)))

@@ -25,7 +25,7 @@ def copy_sqlite(source: Path, target: Path) -> None:
     new.unlink(missing_ok=True)
     try:
         with (
-            closing(sqlite3.connect(f"file:{source}?mode=ro", uri=True)) as old,
+            closing(sqlite3.connect(f"{source.absolute().as_uri()}?mode=ro", uri=True)) as old,
             closing(sqlite3.connect(new)) as copy,
         ):
             old.backup(copy)  # in one step: a reader's snapshot, which keeps no writer waiting

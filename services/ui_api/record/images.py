@@ -60,11 +60,11 @@ def images_named(connection: Connection) -> tuple[str, ...]:
 
 
 def copy_images(named: Iterable[str], source: Path, target: Path) -> CopiedImages:
-    """Copy image files from one folder into another, each checked by its hash; those that are there stay."""
+    """Copy image files from one folder into another, each checked by its hash; those that are there whole stay."""
     copied, missing, damaged = 0, list[str](), list[str]()
     for sha256 in named:
         new = stored_paths(target, sha256)[0]
-        if new.is_file():
+        if new.is_file() and sha256_of(new.read_bytes()) == sha256:
             continue
         found = stored_image(source, sha256)
         content = None if found is None else found.read_bytes()
@@ -109,7 +109,7 @@ def read_numbering(image_dir: Path, mode: Literal["ro", "rw"]) -> Numbering | No
     if not file.is_file():
         return None
     try:
-        with closing(sqlite3.connect(f"file:{file}?mode={mode}", uri=True)) as index:
+        with closing(_opened(file, mode)) as index:
             named = index.execute("SELECT id FROM store").fetchone()
             newest = index.execute("SELECT COALESCE(MAX(sequence), 0) FROM images").fetchone()
             return Numbering(str(named[0]), int(newest[0]))
@@ -119,6 +119,10 @@ def read_numbering(image_dir: Path, mode: Literal["ro", "rw"]) -> Numbering | No
 
 def image_of_number(image_dir: Path, mode: Literal["ro", "rw"], number: int) -> str | None:
     """Hash of the image that the index gives a number, or None; opened as `read_numbering` does."""
-    with closing(sqlite3.connect(f"file:{image_dir / INDEX_FILE}?mode={mode}", uri=True)) as index:
+    with closing(_opened(image_dir / INDEX_FILE, mode)) as index:
         found = index.execute("SELECT sha256 FROM images WHERE sequence = ?", (number,)).fetchone()
     return None if found is None else str(found[0])
+
+
+def _opened(file: Path, mode: Literal["ro", "rw"]) -> sqlite3.Connection:
+    return sqlite3.connect(f"{file.absolute().as_uri()}?mode={mode}", uri=True)

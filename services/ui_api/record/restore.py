@@ -190,7 +190,11 @@ def _index_to_keep(folder: Path, image_dir: Path) -> KeptIndex | None:
     if there is None:
         require_no_logs(index)
         return None
-    if of_backup is None or there.store_id != of_backup.store_id:
+    if of_backup is None:
+        raise InputError(
+            f"{index} numbers images, and the backup has no index to compare it with; restore onto an empty machine"
+        )
+    if there.store_id != of_backup.store_id:
         raise InputError(f"{index} numbers the images of another installation; restore onto an empty machine")
     common = min(there.newest, of_backup.newest)
     if image_of_number(image_dir, "rw", common) != image_of_number(folder / IMAGES_FOLDER, "ro", common):

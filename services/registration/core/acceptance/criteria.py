@@ -464,7 +464,7 @@ OLDEST_IMAGE: Final = Criterion(
     "pause in which a leg is moved; setting oldest_image_s", "the setting oldest_image_s changes it")
 IMAGE_AGE_UNKNOWN: Final = Finding(
     ImageTrouble.TOO_OLD, "the age of an image that a plan rests on is not known: imaging or registration has started "
-    "anew since it was received", "take one more image and plan from it")
+    "anew since it was received, or its file lay there before", "take one more image and plan from it")
 
 # The plan; what the robot's guard checks of a plan stands in the robot service
 UNKNOWN_HOLE: Final = Finding(

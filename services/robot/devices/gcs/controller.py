@@ -120,7 +120,7 @@ class GcsController:
             on = [a for a, on in zip(AXES, servos, strict=True) if on]
             raise DeviceError(f"the robot does not lock: servos are still on on {on}; do not drill, switch it off")
         self._line.note_locked()
-        error = self._error()
+        error = self._asked_error()  # what came late is reported by `read`: it says nothing of the locking
         if error is not None and not error.is_stop:
             raise ControllerFault(f"locking the robot failed: {error.message}")
 
@@ -230,17 +230,22 @@ class GcsController:
         raise ControllerFault(f"could not {doing}: {error.message}")
 
     def _error(self) -> ControllerError | None:
-        # Never asked again when garbled: asking has cleared the error, and a lost error must not pass for none.
         late, self._late_error = self._late_error, None
-        if late is not None:
-            return late
-        return self._noted(self._line.ask_once(codec.query("ERR"), _code, self._take_late_error))
+        return late or self._asked_error()
+
+    def _asked_error(self) -> ControllerError | None:
+        # Never asked again when garbled: asking has cleared the error, and a lost error must not pass for none.
+        try:
+            return self._noted(self._line.ask_once(codec.query("ERR"), _code, self._take_late_error))
+        except ReplyGarbled as lost:
+            self._late_error = _lost_error(lost)
+            raise
 
     def _take_late_error(self, reply: list[str]) -> None:
         try:
             self._late_error = self._noted(_code(reply))
         except ReplyGarbled as lost:
-            self._late_error = ControllerError(ErrorKind.FAULT, f"an error of the controller may be lost: {lost}")
+            self._late_error = _lost_error(lost)
 
     def _noted(self, code: int) -> ControllerError | None:
         error = controller_error(code)
@@ -273,6 +278,10 @@ class GcsController:
 
     def _pose(self, name: str) -> PlatformPose:
         return self._line.ask(codec.query(name, AXES), partial(codec.parse_pose, question=f"{name}?"))
+
+
+def _lost_error(lost: ReplyGarbled) -> ControllerError:
+    return ControllerError(ErrorKind.FAULT, f"an error of the controller may be lost: {lost}")
 
 
 def _code(reply: list[str]) -> int:

@@ -17,6 +17,8 @@ from tests.unit.services.robot.fake_gcs import FakeGcs
 HEXAPOD = default_hexapod()
 TARGET = PlatformPose(1.0, -2.0, 0.5, 1.0, -1.0, 0.25)
 SHORT_S = 0.05
+# For tests in which something must come in time, also beside a busy processor.
+PATIENT_S = 0.2
 
 
 def test_silence_is_reported_with_the_question_and_the_limit(gcs: FakeGcs, controller: GcsController) -> None:
@@ -64,6 +66,11 @@ def test_a_garbled_error_code_is_never_asked_for_again(gcs: FakeGcs, controller:
     gcs.spoil = lambda q, a: b"x" + a if q == b"ERR?" else a
     with pytest.raises(ReplyGarbled):
         controller.read()
+    gcs.spoil = lambda _, a: a
+    error = controller.read().error
+    assert error is not None, "whoever dropped what was raised is told once more"
+    assert "an error of the controller may be lost" in error.message
+    assert controller.read().error is None
 
 
 @pytest.mark.parametrize(
@@ -77,7 +84,7 @@ def test_a_garbled_error_code_is_never_asked_for_again(gcs: FakeGcs, controller:
 def test_an_error_code_that_comes_late_is_reported_and_one_that_never_comes_is_a_fault(
     gcs: FakeGcs, answer: bytes, sentence: str
 ) -> None:
-    controller = GcsController(gcs, HEXAPOD, reply_timeout_s=SHORT_S)
+    controller = GcsController(gcs, HEXAPOD, reply_timeout_s=PATIENT_S)
     gcs.spoil = lambda q, a: b"" if q == b"ERR?" else a
     with pytest.raises(ControllerSilent):
         controller.read()
@@ -91,8 +98,31 @@ def test_an_error_code_that_comes_late_is_reported_and_one_that_never_comes_is_a
     controller.close()
 
 
+@pytest.mark.parametrize(
+    ("in_time", "late", "kind"),
+    [
+        (b"5", b"00\n", ErrorKind.STOP_BUTTON_PRESSED),
+        (b"1", b"0\n", ErrorKind.STOPPED_BY_COMMAND),
+        (b"-", b"1024\n", ErrorKind.FAULT),
+    ],
+)
+def test_an_error_code_of_which_a_part_comes_late_is_read_as_a_whole(
+    gcs: FakeGcs, in_time: bytes, late: bytes, kind: ErrorKind
+) -> None:
+    controller = GcsController(gcs, HEXAPOD, reply_timeout_s=PATIENT_S)
+    gcs.spoil = lambda q, a: in_time if q == b"ERR?" else a
+    with pytest.raises(ControllerSilent):
+        controller.read()
+    gcs.spoil = lambda _, a: a
+    gcs.say(late)
+    error = controller.read().error
+    assert error is not None
+    assert error.kind is kind
+    controller.close()
+
+
 def test_no_error_that_comes_late_is_none(gcs: FakeGcs) -> None:
-    controller = GcsController(gcs, HEXAPOD, reply_timeout_s=SHORT_S)
+    controller = GcsController(gcs, HEXAPOD, reply_timeout_s=PATIENT_S)
     gcs.spoil = lambda q, a: b"" if q == b"ERR?" else a
     with pytest.raises(ControllerSilent):
         controller.read()
@@ -103,19 +133,19 @@ def test_no_error_that_comes_late_is_none(gcs: FakeGcs) -> None:
 
 
 def test_a_line_that_babbles_does_not_hold_a_question_up(gcs: FakeGcs) -> None:
-    controller = GcsController(gcs, HEXAPOD, reply_timeout_s=SHORT_S)
+    controller = GcsController(gcs, HEXAPOD, reply_timeout_s=PATIENT_S)
     gcs.mute = True
     ended = threading.Event()
     lines = [0]
 
     def babble() -> None:
-        while not ended.wait(SHORT_S / 5.0):
+        while not ended.wait(PATIENT_S / 5.0):
             gcs.say(b"\xff\xfe\n")
             lines[0] += 1
 
     babbler = threading.Thread(target=babble)
     babbler.start()
-    with pytest.raises(ReplyGarbled):
+    with pytest.raises((ReplyGarbled, ControllerSilent)):  # silent, where nothing came just then
         controller.read()
     heard = lines[0]
     ended.set()

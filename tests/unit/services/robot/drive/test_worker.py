@@ -306,6 +306,27 @@ def test_a_stop_in_fault_leaves_the_faults_sentence_and_further_errors_stand_beh
     assert bench.drive.status.detail == f"{FAULT.message}; then: {further.message}"
 
 
+def test_what_locking_meets_in_fault_stands_behind_the_fault_and_a_noisy_line_makes_no_endless_sentence(
+    bench: Bench,
+) -> None:
+    bench.start_move()
+    bench.controller.feedback = replace(bench.controller.feedback, error=FAULT)
+
+    def fail() -> None:
+        raise ControllerFault("locking failed: a leg has met its limit switch")
+
+    bench.controller.before_lock = fail
+    bench.work(2)
+    behind = f"{FAULT.message}; then: locking failed: a leg has met its limit switch"
+    assert bench.drive.status.detail == behind
+    for code in range(9):
+        bench.controller.feedback = replace(
+            bench.controller.feedback, error=replace(FAULT, message=f"error {code}"), locked=True
+        )
+        bench.work(1)
+    assert bench.drive.status.detail == f"{behind}; then: error 0; then: error 1"
+
+
 @pytest.mark.requirement("ROB-08")
 def test_a_controller_that_is_silent_in_a_move_is_a_fault_at_once(bench: Bench) -> None:
     bench.start_move()

@@ -371,3 +371,28 @@ def test_an_index_of_other_images_is_refused(
     with pytest.raises(InputError, match=finding):
         restore(backup_of_two, sqlite_url(tmp_path / "other"), file.parent)
     assert _numbered(file) == list(images)
+
+
+def test_an_index_beside_a_backup_without_one_is_refused(engine: Engine, tmp_path: Path) -> None:
+    _filled(engine, tmp_path / "images")
+    _backed_up(engine, tmp_path)
+    file = _index(tmp_path / "other" / "images", "a")
+    with pytest.raises(InputError, match="numbers images, and the backup has no index to compare it with"):
+        restore(tmp_path / "backup", sqlite_url(tmp_path / "other"), file.parent)
+
+
+def test_a_damaged_image_that_lies_there_is_replaced(engine: Engine, tmp_path: Path) -> None:
+    _filled(engine, tmp_path / "images")
+    _backed_up(engine, tmp_path)
+    there = tmp_path / "other" / "images"
+    damaged = stored_paths(there, sha256_of(_IMAGE))[0]
+    damaged.parent.mkdir(parents=True)
+    damaged.write_bytes(b"cut")
+    restore(tmp_path / "backup", sqlite_url(tmp_path / "other"), there)
+    assert damaged.read_bytes() == _IMAGE
+
+
+def test_a_folder_may_have_any_name(backup_of_two: Path, tmp_path: Path) -> None:
+    file = _index(tmp_path / "a room? #1 50%20" / "images", *"abc")
+    restored = restore(backup_of_two, sqlite_url(tmp_path / "other"), file.parent)
+    assert restored.kept_index == KeptIndex(3, 2)
