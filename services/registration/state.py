@@ -93,7 +93,7 @@ class RegistrationState:
     def _had_rested(self, age_s: float | None) -> bool:
         """Whether the robot had stood for long enough when imaging received an image; an unknown age is a no.
 
-        An image may wait in imaging, or be sent again: the time of its arrival here says nothing of its exposure. Its
+        An image may wait in imaging, or be sent again: the time of its arrival here is not that of its exposure. Its
         age is that at which imaging published it: the way from there counts as rest, and as part of the delay.
         """
         if age_s is None:

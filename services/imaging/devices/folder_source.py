@@ -159,7 +159,7 @@ class FolderSource:
         except FileNotFoundError:
             pass  # whoever put it there has removed it
         except OSError as error:
-            if not file.belongs_in:  # said once, and tried again at every look
+            if not file.belongs_in:  # reported once, and tried again at every look
                 detail = f"{error}; it is not taken again: move it away, or what stands in its place"
                 self._log.error("file not moved", file=str(file.path), detail=detail)
 

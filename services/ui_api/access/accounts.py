@@ -182,7 +182,7 @@ def note_change(unit: UnitOfWork, name: str, change: AccountChange, roles: froze
 
 
 def _with_roles(unit: UnitOfWork, account: Account, roles: frozenset[Role], end_sessions: EndSessions) -> Account:
-    """The account with the roles that the provider says; sessions with others end."""
+    """The account with the roles that the provider gives; sessions with others end."""
     if account.roles != roles:
         unit.change(update(USERS).where(USERS.c.name == account.name).values(roles_json=_roles_json(roles)))
         note_change(unit, account.name, AccountChange.ROLES_CHANGED, roles, "gateway")

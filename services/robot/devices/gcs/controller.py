@@ -120,7 +120,7 @@ class GcsController:
             on = [a for a, on in zip(AXES, servos, strict=True) if on]
             raise DeviceError(f"the robot does not lock: servos are still on on {on}; do not drill, switch it off")
         self._line.note_locked()
-        error = self._asked_error()  # what came late is reported by `read`: it says nothing of the locking
+        error = self._asked_error()  # what came late is reported by `read`: it is not about the locking
         if error is not None and not error.is_stop:
             raise ControllerFault(f"locking the robot failed: {error.message}")
 
@@ -255,7 +255,7 @@ class GcsController:
 
     def _pending_error(self) -> ControllerError | None:
         # A report of the button between two rounds of feedback must not be lost: some controllers give it only once.
-        # A fault goes first, and the button waits for the next round; a stop by a command says less than the button.
+        # A fault goes first, and the button waits for the next round; of two stops the button's explains more.
         error = self._error()
         if error is not None and not error.is_stop:
             return error

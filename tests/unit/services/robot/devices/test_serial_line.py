@@ -68,7 +68,7 @@ def test_a_garbled_error_code_is_never_asked_for_again(gcs: FakeGcs, controller:
         controller.read()
     gcs.spoil = lambda _, a: a
     error = controller.read().error
-    assert error is not None, "whoever dropped what was raised is told once more"
+    assert error is not None, "whoever dropped what was raised gets it once more"
     assert "an error of the controller may be lost" in error.message
     assert controller.read().error is None
 
