@@ -154,12 +154,13 @@ class AccessControl:
         self.passkeys.confirm(user, plan_sha256, signed)
         return Authenticated.PASSKEY
 
-    def require_fresh(self, user: User, password: str | None, address: str) -> None:
-        """Refuse whoever has not just shown who he is; raises `Refused`."""
+    def require_fresh(self, user: User, password: str | None, address: str) -> Account:
+        """The account of somebody who has just shown who he is, for `Accounts.unchanged`; raises `Refused`."""
         if user.name == DEMO_USER and self.has_demo_user:
             raise conflict(
                 "demo_user", "the simulation's user has a token and nothing else; make an account of your own"
             )
+        account = self.accounts.account(user.name)
         age_s = None if user.signed_in_s is None else self._clock.monotonic_s() - user.signed_in_s
         if user.authenticated is not Authenticated.PROVIDER:
             self.confirmed(user, password, address)
@@ -168,6 +169,7 @@ class AccessControl:
                 "sign_in_again",
                 f"'{user.name}' has no password, and signed in more than {FRESH_S:g} s ago; sign in again, then go on",
             )
+        return account
 
     def still_admits(self, user: User | None) -> bool:
         """Whether a stream that somebody opened may go on."""

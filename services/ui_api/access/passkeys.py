@@ -96,8 +96,8 @@ class Passkeys:
         self._put(user, state, "")
         return dict(options.public_key)
 
-    def register(self, user: User, label: str, response: Mapping[str, Any]) -> Passkey:
-        """Keep a new passkey; raises `Refused`."""
+    def made(self, user: User, label: str, response: Mapping[str, Any]) -> Passkey:
+        """A new passkey that answers the challenge, to be added; raises `Refused`."""
         pending = self._take(user, "")
         try:
             made = self._server.register_complete(pending.state, response)
@@ -106,24 +106,24 @@ class Passkeys:
         credential = made.credential_data
         assert credential is not None  # checked by `register_complete`
         passkey_id = websafe_encode(credential.credential_id)
-        with self._record.write() as unit:
-            if self._record.rows(select(PASSKEYS).where(PASSKEYS.c.id == passkey_id)):
-                raise conflict("passkey_exists", "this passkey is registered already; use it, or make another one")
-            passkey = Passkey(passkey_id, user.name, label, bytes(credential), made.counter, unit.now_ns)
-            unit.change(
-                insert(PASSKEYS).values(
-                    id=passkey.id,
-                    user_name=passkey.user_name,
-                    label=passkey.label,
-                    public_credential=passkey.public_credential,
-                    uses=passkey.uses,
-                    created_at_ns=passkey.created_at_ns,
-                )
+        return Passkey(passkey_id, user.name, label, bytes(credential), made.counter, self._clock.unix_ns())
+
+    def add(self, unit: UnitOfWork, passkey: Passkey) -> None:
+        """Keep a new passkey; raises `Refused`."""
+        if self._record.rows(select(PASSKEYS).where(PASSKEYS.c.id == passkey.id)):
+            raise conflict("passkey_exists", "this passkey is registered already; use it, or make another one")
+        unit.change(
+            insert(PASSKEYS).values(
+                id=passkey.id,
+                user_name=passkey.user_name,
+                label=passkey.label,
+                public_credential=passkey.public_credential,
+                uses=passkey.uses,
+                created_at_ns=passkey.created_at_ns,
             )
-            note_change(
-                unit, user.name, AccountChange.PASSKEY_ADDED, self._accounts.account(user.name).roles, user.name
-            )
-        return passkey
+        )
+        roles = self._accounts.account(passkey.user_name).roles
+        note_change(unit, passkey.user_name, AccountChange.PASSKEY_ADDED, roles, passkey.user_name)
 
     def remove(self, unit: UnitOfWork, name: str, passkey_id: str, who: str) -> None:
         """Forget one passkey of a user; raises `Refused`."""

@@ -21,6 +21,7 @@ from services.ui_api.routes.preconditions import CaseMatch, case_etag_after, cas
 from services.ui_api.routes.procedure_views import StepView
 from services.ui_api.routes.routers import resource_router
 from services.ui_api.routes.sparse import SPARSE
+from services.ui_api.routes.transactions import TheWrite
 from services.ui_api.routes.views import CaseView
 from services.ui_api.service import Gateway
 from shared.parts.catalogue import PartKind
@@ -97,11 +98,12 @@ def change_case(
     body: CasePatch,
     gateway: TheGateway,
     kept: TheKeptViews,
+    write: TheWrite,
     user: TheUser,
     if_match: CaseMatch,
 ) -> Response:
     """Change the set-up: the revision counts up, and everything measured before is stale."""
-    with gateway.record.write() as unit:
+    with write() as unit:
         matched_case(gateway, case_id, if_match)
         gateway.cases.change_setup(unit, case_id, body.request(), user.name, body.why)
     return _answer(gateway, kept, gateway.cases.case(case_id))
@@ -137,9 +139,11 @@ def list_steps(case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: 
 
 
 @router.delete("/{case_id}/steps/{number}", response_model=CaseView, openapi_extra=needs(Action.RECORD_STEP))
-def withdraw_step(case_id: str, number: int, gateway: TheGateway, kept: TheKeptViews, user: TheUser) -> Response:
+def withdraw_step(
+    case_id: str, number: int, gateway: TheGateway, kept: TheKeptViews, write: TheWrite, user: TheUser
+) -> Response:
     """Take back the step that was recorded last, because it was not done."""
-    with gateway.record.write() as unit:
+    with write() as unit:
         gateway.cases.withdraw_step(unit, case_id, number, user.name)
     return _answer(gateway, kept, gateway.cases.case(case_id))
 

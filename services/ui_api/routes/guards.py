@@ -1,7 +1,7 @@
 """What stands before every route: the action that it names, and whether whoever asks may do it.
 
 A route says `openapi_extra=needs(Action.READ)`. It is refused before its body is read, and once more when the body has
-come, which may take seconds; a route that names no action cannot be made.
+come, which may take seconds, and in its transaction (`transactions`); a route that names no action cannot be made.
 """
 
 from collections.abc import Awaitable, Callable, Coroutine
@@ -63,6 +63,7 @@ class GuardedRoute(APIRoute):
         is_limited = not (self.openapi_extra or {}).get(NEVER_LIMITED_KEY)
 
         async def guarded(request: Request) -> Response:
+            request.state.action = action
             request.state.user = _admitted(request, action, is_limited=is_limited)
             request.state.asked = gateway_of(request).commands.asked()
             if action is not Action.STOP:  # a stop is refused for nothing that it says

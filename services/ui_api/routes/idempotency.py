@@ -2,8 +2,8 @@
 
 The answer is stored in the same transaction as what was done, so that even after a kill a repeat finds both or neither.
 Refusals are remembered as well: a repeat that arrives late must not act because the state of things has changed in the
-meantime. Failures of the gateway or the bus (5xx) are not remembered, because nothing is recorded of them. What was
-answered is forgotten after a day.
+meantime. Failures of the gateway or the bus (5xx) are not remembered, because nothing is recorded of them; nor is that
+access was lost (401), because who signs in anew may ask again. What was answered is forgotten after a day.
 """
 
 import hashlib
@@ -13,7 +13,8 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Annotated, Final, TypeVar
 
 from fastapi import Header, Request
@@ -24,6 +25,7 @@ from services.ui_api.handlers.refusals import RefusalKind, Refused, invalid
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.problems import PROBLEM_JSON, Problem, headers_of, log_refusal, problem_of, sender_of
+from services.ui_api.routes.transactions import require_still
 from shared.errors import DistalockError, RecordUnavailable
 
 T = TypeVar("T")
@@ -34,6 +36,7 @@ _FORGET_EVERY = 100
 MOST_ASKING: Final = 16
 MOST_REPEATS: Final = 4
 _ASK_AGAIN_AFTER_S: Final = 1.0
+_UNAUTHENTICATED: Final = 401
 _NO_HEADERS: Final[Mapping[str, str]] = {}
 
 IdempotencyKey = Annotated[
@@ -43,11 +46,20 @@ IdempotencyKey = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class Keyed:
-    """A request under its key; `request_sha256` covers user, method, path, body and a quoted header."""
+    """A request under its key.
+
+    Attributes
+    ----------
+    request_sha256
+        Covers user, method, path, body and a quoted header.
+    require_still
+        Called in the transaction, before anything is done; raises `Refused` where access was lost.
+    """
 
     key: str
     request_sha256: str
     path: str
+    require_still: Callable[[], None] = field(compare=False)
     sender: str = "unknown"
 
 
@@ -56,7 +68,7 @@ def keyed(request: Request, key: str, body: BaseModel, quoted: str = "") -> Keye
     # Of another user it is another request: nobody gets the answer that was somebody else's.
     content = [request.state.user.name, request.method, request.url.path, body.model_dump(mode="json"), quoted]
     fingerprint = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-    return Keyed(key, fingerprint, request.url.path, sender_of(request))
+    return Keyed(key, fingerprint, request.url.path, partial(require_still, request), sender_of(request))
 
 
 def json_answer(status: int, body: BaseModel, **headers: str) -> Answer:
@@ -116,11 +128,12 @@ class Idempotency:
         try:
             asked = ask()
             with self._record.write() as unit:
+                request.require_still()
                 answer = act(unit, asked)
                 unit.remember(request.key, request.request_sha256, answer)
         except DistalockError as error:
             refusal = problem_of(error, request.path)
-            if refusal.status >= 500:
+            if refusal.status >= 500 or refusal.status == _UNAUTHENTICATED:
                 raise
             log_refusal(refusal, request.sender)
             answer = problem_answer(refusal, headers_of(error))

@@ -34,7 +34,6 @@ def begin_motion(
     """Begin the move to an approved plan's target; its operation reports how it ends."""
 
     def act(unit: UnitOfWork) -> Answer:
-        gateway.access.require_still(user, Action.MOVE)
         wanted = MotionRequest(body.plan, body.hold_to_move, user.name)
         case = matched_case(gateway, case_id, if_match)
         begun = gateway.planning.begin_motion(unit, case, wanted, asked)

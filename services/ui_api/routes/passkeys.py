@@ -12,6 +12,7 @@ from services.ui_api.routes.bodies import Body, Password, SignedByPasskey
 from services.ui_api.routes.guards import TheUser, needs
 from services.ui_api.routes.problems import sender_of
 from services.ui_api.routes.routers import resource_router
+from services.ui_api.routes.transactions import TheWrite
 from services.ui_api.routes.views import View
 from shared.messages.base import Sha256, UnixNanoseconds
 
@@ -73,11 +74,18 @@ def begin_passkey(gateway: TheGateway, user: TheUser) -> PasskeyOptions:
 
 
 @router.post("/me/passkeys", status_code=201, openapi_extra=needs(Action.USE_OWN_ACCOUNT))
-def add_passkey(request: Request, body: PasskeyBody, gateway: TheGateway, user: TheUser) -> PasskeyView:
+def add_passkey(
+    request: Request, body: PasskeyBody, gateway: TheGateway, write: TheWrite, user: TheUser
+) -> PasskeyView:
     """Keep a new passkey."""
     password = None if body.password is None else body.password.get_secret_value()
-    gateway.access.require_fresh(user, password, sender_of(request))
-    return PasskeyView.of(gateway.access.passkeys.register(user, body.label, body.credential))
+    access = gateway.access
+    account = access.require_fresh(user, password, sender_of(request))
+    passkey = access.passkeys.made(user, body.label, body.credential)
+    with write() as unit:
+        access.accounts.unchanged(account)
+        access.passkeys.add(unit, passkey)
+    return PasskeyView.of(passkey)
 
 
 @router.post("/me/passkeys/challenge", openapi_extra=needs(Action.APPROVE_PLAN))
@@ -89,16 +97,16 @@ def ask_challenge(body: ChallengeBody, gateway: TheGateway, user: TheUser) -> Pa
 
 
 @router.delete("/me/passkeys/{passkey_id}", status_code=204, openapi_extra=needs(Action.USE_OWN_ACCOUNT))
-def remove_passkey(passkey_id: str, gateway: TheGateway, user: TheUser) -> Response:
+def remove_passkey(passkey_id: str, gateway: TheGateway, write: TheWrite, user: TheUser) -> Response:
     """Forget a passkey of the own account."""
-    with gateway.record.write() as unit:
+    with write() as unit:
         gateway.access.passkeys.remove(unit, user.name, passkey_id, user.name)
     return Response(status_code=204)
 
 
 @router.delete("/{name}/passkeys", status_code=204, openapi_extra=needs(Action.ADMINISTER_USERS))
-def remove_passkeys_of_user(name: str, gateway: TheGateway, user: TheUser) -> Response:
+def remove_passkeys_of_user(name: str, gateway: TheGateway, write: TheWrite, user: TheUser) -> Response:
     """Forget all passkeys of a user: a phone was lost."""
-    with gateway.record.write() as unit:
+    with write() as unit:
         gateway.access.passkeys.remove_all(unit, name, user.name)
     return Response(status_code=204)

@@ -19,6 +19,7 @@ from services.ui_api.routes.preconditions import CaseMatch, case_etag_after, mat
 from services.ui_api.routes.problems import problem, sender_of
 from services.ui_api.routes.routers import resource_router
 from services.ui_api.routes.sparse import SPARSE
+from services.ui_api.routes.transactions import TheWrite
 from services.ui_api.service import Gateway
 from shared.messages.registration import PlanReply
 
@@ -110,7 +111,6 @@ def approve_plan(
     shown = Authenticated.PASSKEY if is_repeated else _confirmed(request, body, if_match)
 
     def act(unit: UnitOfWork) -> Answer:
-        gateway.access.require_still(user, Action.APPROVE_PLAN)  # comparing takes time
         case = gateway.cases.case(case_id)
         _require_match(gateway, case, plan_of(case, number), if_match)
         approved = gateway.planning.approve(unit, case, number, Approver(user.name, shown))
@@ -127,9 +127,9 @@ def approve_plan(
 
 
 @router.delete("/{number}/approval", response_model=PlanView, openapi_extra=needs(Action.APPROVE_PLAN))
-def withdraw_approval(case_id: str, number: int, gateway: TheGateway, user: TheUser) -> PlanView:
+def withdraw_approval(case_id: str, number: int, gateway: TheGateway, write: TheWrite, user: TheUser) -> PlanView:
     """Take an approval back, as long as no motion has begun from it; then stop is what is left."""
-    with gateway.record.write() as unit:
+    with write() as unit:
         gateway.planning.withdraw_approval(unit, gateway.cases.case(case_id), number, user.name)
     case = gateway.cases.case(case_id)
     return _view(gateway, case, plan_of(case, number))

@@ -105,7 +105,6 @@ def _begin(
     request: Keyed, user: User, gateway: Gateway, idempotency: Idempotency, asked: Asked, verb: PlainVerb
 ) -> Response:
     def act(unit: UnitOfWork) -> Answer:
-        gateway.access.require_still(user, Action.PREPARE_ROBOT)
         gateway.procedure.require_of_robot(procedure_table.Action(verb))
         return accepted(gateway.commands.begin_plain(unit, verb, Approver(user.name, user.authenticated), asked))
 

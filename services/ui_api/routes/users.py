@@ -17,6 +17,7 @@ from services.ui_api.routes.pages import Cursor, Limit, Page, page
 from services.ui_api.routes.problems import sender_of
 from services.ui_api.routes.routers import resource_router
 from services.ui_api.routes.session_bodies import PasswordBody, UserBody, UserPatch, roles_of
+from services.ui_api.routes.transactions import TheWrite
 from services.ui_api.routes.views import View
 from services.ui_api.service import Gateway
 from shared.messages.base import UnixNanoseconds
@@ -66,13 +67,17 @@ def read_me(gateway: TheGateway, user: TheUser) -> MeView:
 
 
 @router.put("/me/password", status_code=204, openapi_extra=needs(Action.USE_OWN_ACCOUNT))
-def change_own_password(request: Request, body: PasswordBody, gateway: TheGateway, user: TheUser) -> Response:
+def change_own_password(
+    request: Request, body: PasswordBody, gateway: TheGateway, write: TheWrite, user: TheUser
+) -> Response:
     """Change the own password, with the old one; other sessions end."""
     if user.name == DEMO_USER and gateway.access.has_demo_user:
         raise conflict("demo_user", "the simulation's user has a token and no password; make an account of your own")
+    before = gateway.access.accounts.account(user.name)
     gateway.access.confirmed(user, body.password.get_secret_value(), sender_of(request))
     hashed = gateway.access.accounts.hashed(user.name, body.new_password.get_secret_value())
-    with gateway.record.write() as unit:
+    with write() as unit:
+        gateway.access.accounts.unchanged(before)  # the old password may be none any more
         gateway.access.accounts.set_password(unit, user.name, hashed, user.name)
         gateway.access.sessions.end_all_of(unit, user.name, but=user.session_id)
     return Response(status_code=204)
@@ -114,20 +119,20 @@ def create_user(
 
 
 @router.patch("/{name}", openapi_extra=needs(Action.ADMINISTER_USERS))
-def change_user(name: str, body: UserPatch, gateway: TheGateway, user: TheUser) -> UserView:
+def change_user(name: str, body: UserPatch, gateway: TheGateway, write: TheWrite, user: TheUser) -> UserView:
     """Change roles or password, disable or enable; the user's sessions end."""
     accounts = gateway.access.accounts
     hashed = None if body.password is None else accounts.hashed(name, body.password.get_secret_value())
-    with gateway.record.write() as unit:
+    with write() as unit:
         _change(gateway, unit, name, body, hashed, user.name)
     return read_user(name, gateway)
 
 
 @router.delete("/{name}/sessions", status_code=204, openapi_extra=needs(Action.ADMINISTER_USERS))
-def end_sessions(name: str, gateway: TheGateway, user: TheUser) -> Response:
+def end_sessions(name: str, gateway: TheGateway, write: TheWrite, user: TheUser) -> Response:
     """End all sessions of a user now."""
     account = gateway.access.accounts.account(name)
-    with gateway.record.write() as unit:
+    with write() as unit:
         note_change(unit, name, AccountChange.SESSIONS_ENDED, account.roles, user.name)
         gateway.access.sessions.end_all_of(unit, name)
     return Response(status_code=204)
