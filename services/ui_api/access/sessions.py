@@ -136,7 +136,6 @@ class Sessions:
                 "refresh_token_invalid", "the refresh token is none of a session that is open; sign in"
             )
         if used:
-            self._forget(lambda one, _: one == session_id)
             raise unauthenticated(
                 "refresh_token_reused",
                 "the refresh token was used before, so somebody has a copy of it; the session has ended, sign in anew",
@@ -146,8 +145,7 @@ class Sessions:
     def end(self, session_id: str) -> None:
         """End one session."""
         with self._record.write() as unit:
-            unit.change(delete(SESSIONS).where(SESSIONS.c.id == session_id))
-        self._forget(lambda one, _: one == session_id)
+            self._end(unit, session_id)
 
     def end_all_of(self, unit: UnitOfWork, name: str, but: str | None = None) -> None:
         """End all sessions of a user, with the transaction; `but` is one that goes on."""
@@ -173,8 +171,13 @@ class Sessions:
         rows = self._record.rows(select(REFRESH_TOKENS).where(REFRESH_TOKENS.c.sha256 == _sha256(refresh_token)))
         return (rows[0]["session_id"], bool(rows[0]["used"])) if rows else ("", False)
 
-    def _note_reuse(self, unit: UnitOfWork, session_id: str, session: _Session) -> None:
+    def _end(self, unit: UnitOfWork, session_id: str) -> None:
+        """With the commit, so that nothing is recorded of the session after it."""
         unit.change(delete(SESSIONS).where(SESSIONS.c.id == session_id))
+        unit.after_commit(lambda: self._forget(lambda one, _: one == session_id))
+
+    def _note_reuse(self, unit: UnitOfWork, session_id: str, session: _Session) -> None:
+        self._end(unit, session_id)
         user = session.user
         note_change(unit, user.name, AccountChange.REFRESH_TOKEN_REUSED, user.roles, "gateway")
 
