@@ -118,6 +118,8 @@ class Accounts:
         """
         rows = self._record.rows(select(USERS).where(USERS.c.provider_subject == identity.subject))
         if not rows:
+            if identity.name_refusal is not None:
+                raise forbidden("provider_name_unusable", identity.name_refusal)
             made = Account(identity.name, identity.roles, NO_PASSWORD, disabled=False, created_at_ns=unit.now_ns)
             made = replace(made, provider_subject=identity.subject)
             self.create(unit, made, identity.name)

@@ -14,7 +14,7 @@ _NOT_IN_NAMES: Final = re.compile(r"[^a-z0-9._-]+")
 
 
 def identity_of_claims(claims: Mapping[str, Any], settings: ProviderSettings) -> ProviderIdentity:
-    """Account name and roles by the settings' claims; raises `Refused` for a name that no account can have.
+    """Account name and roles by the settings' claims. A name that no account can have counts where one is to be made.
 
     Who has no role is known nevertheless: an account of his must lose those that it has (`roles_missing`).
     """
@@ -24,13 +24,13 @@ def identity_of_claims(claims: Mapping[str, Any], settings: ProviderSettings) ->
     roles = frozenset(settings.roles[group] for group in there if group in settings.roles)
     stated = claims.get(settings.name_claim)
     name = _NOT_IN_NAMES.sub(".", str(stated or "").split("@", 1)[0].lower()).strip(".")[:_MOST_CHARACTERS]
-    if roles and not re.match(USER_NAME_PATTERN, name):
-        raise forbidden(
-            "provider_name_unusable",
+    name_refusal = None
+    if not re.match(USER_NAME_PATTERN, name):
+        name_refusal = (
             f"the claim '{settings.name_claim}' is {str(stated)[:80]!r}, and an account needs a name of 2 to "
-            f"{_MOST_CHARACTERS} letters, digits, dots and dashes; set another claim, or have it set",
+            f"{_MOST_CHARACTERS} letters, digits, dots and dashes; set another claim, or have it set"
         )
-    return ProviderIdentity(f"{settings.issuer} {claims['sub']}", name, roles, there)
+    return ProviderIdentity(f"{settings.issuer} {claims['sub']}", name, roles, there, name_refusal)
 
 
 def roles_missing(identity: ProviderIdentity, settings: ProviderSettings) -> Refused:

@@ -33,6 +33,9 @@ class ProviderIdentity:
         Issuer and subject, the name that never changes.
     roles
         Those that his groups stand for; empty when none of them stands for one.
+    name_refusal
+        Why no account can be made with the name, as a sentence; None where one can. An account that is there is found
+        by the subject, whatever the name is now.
     groups
         What the provider's claim of roles has.
     """
@@ -41,6 +44,7 @@ class ProviderIdentity:
     name: str
     roles: frozenset[Role]
     groups: tuple[str, ...] = ()
+    name_refusal: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
