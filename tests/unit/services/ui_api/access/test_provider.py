@@ -150,10 +150,13 @@ def test_a_way_back_of_yesterday_is_refused() -> None:
     assert refused(trip.back) == "sign_in_unknown"
 
 
-@pytest.mark.parametrize("name", [{}, {"preferred_username": "7"}], ids=["none", "too short"])
-def test_nobody_without_a_name(name: Claims) -> None:
-    claims = {"sub": "1", "groups": ["or-staff"], **name}
-    assert refused(lambda: identity_of_claims(claims, SETTINGS)) == "provider_name_unusable"
+@pytest.mark.parametrize(("name", "stated"), [({}, "'None'"), ({"preferred_username": "7"}, "'7'")])
+def test_who_has_no_name_for_an_account_is_known_with_the_reason(name: Claims, stated: str) -> None:
+    identity = identity_of_claims({"sub": "1", "groups": ["or-staff"], **name}, SETTINGS)
+    assert (identity.subject, identity.roles) == (f"{ISSUER} 1", frozenset({Role.TECHNICIAN}))
+    assert f"the claim 'preferred_username' is {stated}, and an account needs" in (identity.name_refusal or "")
+    usable = identity_of_claims({"sub": "1", "preferred_username": "dr.a"}, SETTINGS)
+    assert usable.name_refusal is None
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Accounts and sessions on both databases, and what a backup takes along of them."""
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,6 +20,7 @@ from services.ui_api.record.backup import back_up
 from services.ui_api.record.database import open_database, sqlite_url
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.restore import restore
+from services.ui_api.record.unit_of_work import UnitOfWork
 from services.ui_api.record.verify import verify_record
 
 PASSWORD = "four words and a nail"
@@ -178,3 +181,56 @@ def test_roles_that_the_provider_took_back_end_the_sessions_that_have_them(engin
         here.sessions.user_of(surgeon.access_token)
     assert refused.value.code == "token_invalid"
     assert refusal(here.sessions, surgeon.refresh_token) == "refresh_token_invalid"
+
+
+def test_an_account_that_is_there_gets_its_roles_whatever_its_name_is_now(engine: Engine) -> None:
+    here = opened(engine, Time())
+
+    def sign_in(name: str, refused: str | None, role: Role) -> Tokens:
+        identity = ProviderIdentity("subject", name, frozenset({role}), name_refusal=refused)
+        return here.sessions.open(
+            lambda unit: here.accounts.of_provider(unit, identity, here.sessions.end_all_of), Authenticated.PROVIDER
+        )
+
+    with pytest.raises(Refused, match="it is too short") as refusal_of_name:
+        sign_in("7", "it is too short", Role.SURGEON)
+    assert (refusal_of_name.value.code, here.accounts.all()) == ("provider_name_unusable", [])
+    surgeon = sign_in("dr.a", None, Role.SURGEON)
+    viewer = sign_in("7", "it is too short", Role.VIEWER)
+    assert (viewer.user.name, viewer.user.roles) == ("dr.a", frozenset({Role.VIEWER}))
+    with pytest.raises(Refused, match="none of a session that is open"):
+        here.sessions.user_of(surgeon.access_token)
+
+
+class WatchedRecord(CaseRecord):
+    """Has something done as soon as a transaction has ended, when the next one may begin."""
+
+    def __init__(self, engine: Engine, clock: Clock) -> None:
+        super().__init__(engine, clock.unix_ns)
+        self.after_write: Callable[[], None] = lambda: None
+
+    @contextmanager
+    def write(self) -> Iterator[UnitOfWork]:
+        """As it is, and then what is to be done."""
+        with super().write() as unit:
+            yield unit
+        self.after_write()
+
+
+@pytest.mark.parametrize("how", ["sign out", "reuse"])
+def test_a_session_has_ended_for_whoever_writes_next(engine: Engine, how: str) -> None:
+    clock = Time().clock()
+    record = WatchedRecord(engine, clock)
+    here = Opened(record, Accounts(record, Passwords()), Sessions(record, clock, lambda: None))
+    nora(here)
+    tokens = session_of(here)
+    session_id = tokens.user.session_id
+    assert session_id is not None
+    here.sessions.refresh(tokens.refresh_token)
+    found: list[bool] = []
+    record.after_write = lambda: found.append(here.sessions.is_open(session_id))
+    if how == "sign out":
+        here.sessions.end(session_id)
+    else:
+        assert refusal(here.sessions, tokens.refresh_token) == "refresh_token_reused"
+    assert found == [False]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from services.ui_api.handlers.refusals import Refused, conflict
+from services.ui_api.handlers.refusals import Refused, conflict, unauthenticated
 from services.ui_api.record.database import open_database, sqlite_url
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
@@ -15,8 +15,13 @@ from services.ui_api.routes.idempotency import Idempotency, Keyed
 from shared.errors import NoReply
 from tests.unit.services.ui_api.fakes import PATIENCE_S
 
-_REQUEST = Keyed("key", "a" * 64, "/api/v1/cases")
-_OTHER = Keyed("key", "b" * 64, "/api/v1/cases")
+
+def _keyed(key: str, letter: str, require_still: Callable[[], None] = lambda: None) -> Keyed:
+    return Keyed(key, letter * 64, "/api/v1/cases", require_still)
+
+
+_REQUEST = _keyed("key", "a")
+_OTHER = _keyed("key", "b")
 
 
 class Handler:
@@ -89,7 +94,7 @@ def test_requests_under_other_keys_do_not_wait(idempotency: Idempotency) -> None
     slow = threading.Thread(target=idempotency.once_after, args=(_REQUEST, handler.ask, handler.act))
     slow.start()
     assert handler.entered.wait(PATIENCE_S)
-    idempotency.once_after(Keyed("other", "a" * 64, "/"), other.ask, other.act)
+    idempotency.once_after(_keyed("other", "a"), other.ask, other.act)
     assert other.done == 1
     handler.hold.set()
     slow.join(PATIENCE_S)
@@ -109,3 +114,16 @@ def test_a_refusal_is_remembered_and_a_failure_is_not(idempotency: Idempotency) 
     assert refused.status_code == 409
     again = idempotency.once_after(_REQUEST, handler.ask, handler.act)
     assert (again.status_code, again.body, handler.done) == (409, refused.body, 0)
+
+
+def test_lost_access_refuses_before_anything_is_done_and_is_not_remembered(idempotency: Idempotency) -> None:
+    def lost() -> None:
+        raise unauthenticated("token_invalid", "the session ended")
+
+    handler = Handler()
+    with pytest.raises(Refused, match="the session ended"):
+        idempotency.once_after(_keyed("key", "a", lost), handler.ask, handler.act)
+    assert (handler.asked, handler.done) == (1, 0)
+    assert idempotency.once_after(_REQUEST, handler.ask, handler.act).status_code == 201
+    repeated = idempotency.once_after(_keyed("key", "a", lost), handler.ask, handler.act)
+    assert (repeated.status_code, handler.done) == (201, 1), "what was done is answered without doing anything"

@@ -64,7 +64,7 @@ def _settings(issuer: str, folder: Path) -> dict[str, object]:
         "provider_issuer": issuer,
         "provider_client_id": "or1",
         "provider_client_secret_file": secret,
-        "provider_roles": {"or-surgeons": "surgeon"},
+        "provider_roles": {"or-surgeons": "surgeon", "or-viewers": "viewer"},
     }
 
 
@@ -135,6 +135,23 @@ def test_who_loses_all_roles_there_has_none_here(room: Room, browser: httpx.Clie
     httpx.put(f"{issuer}/users/4", json=person, timeout=PATIENCE_S)
     assert _came_back(browser, "4").status_code == 303
     assert browser.get("/api/v1/users/me").json()["roles"] == ["surgeon"]
+
+
+def test_reduced_roles_apply_also_where_the_name_has_become_unusable(
+    room: Room, browser: httpx.Client, issuer: str
+) -> None:
+    person: dict[str, object] = {"preferred_username": "dr.c", "groups": ["or-surgeons"]}
+    httpx.put(f"{issuer}/users/5", json=person | {"preferred_username": "7"}, timeout=PATIENCE_S)
+    assert _came_back(browser, "5").json()["code"] == "provider_name_unusable", "there is no account of his"
+    httpx.put(f"{issuer}/users/5", json=person, timeout=PATIENCE_S)
+    assert _came_back(browser, "5").status_code == 303
+    person = {"preferred_username": "7", "groups": ["or-viewers"]}
+    httpx.put(f"{issuer}/users/5", json=person, timeout=PATIENCE_S)
+    with httpx.Client(base_url=room.client.base_url, timeout=PATIENCE_S) as elsewhere:
+        assert _came_back(elsewhere, "5").status_code == 303
+        me = elsewhere.get("/api/v1/users/me").json()
+    assert (me["name"], me["roles"]) == ("dr.c", ["viewer"])
+    assert browser.get("/api/v1/users/me").status_code == 401, "the surgeon's session has ended"
 
 
 def test_the_way_back_without_a_code_says_why(browser: httpx.Client) -> None:
