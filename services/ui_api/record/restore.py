@@ -1,10 +1,12 @@
 """Restore a backup onto a machine that has no record."""
 
+import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from sqlalchemy import Connection, Engine, delete, func, select
 from sqlalchemy.exc import DBAPIError
@@ -27,6 +29,8 @@ from services.ui_api.record.rows import copy_rows, writing
 from services.ui_api.record.tables import EVENTS, REFRESH_TOKENS, SESSIONS
 from services.ui_api.record.verify import entries, verify_record
 from shared.errors import ConfigurationError, InputError
+
+_RESTORING: Final = ".restoring-"
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +125,9 @@ def _restore_images(manifest: BackupManifest, named: tuple[str, ...], folder: Pa
 def _working_file(engine: Engine) -> Iterator[Path]:
     """A file for the copy that is checked and upgraded: beside the record that it becomes, where that is a file."""
     beside = Path(str(engine.url.database)).parent if is_sqlite(engine) else None
-    with tempfile.TemporaryDirectory(dir=beside, prefix=".restoring-") as folder:
+    for left in () if beside is None else beside.glob(f"{_RESTORING}*"):
+        shutil.rmtree(left)  # of a restore that was killed: it holds personal data
+    with tempfile.TemporaryDirectory(dir=beside, prefix=_RESTORING) as folder:
         yield Path(folder) / RECORD_FILE
 
 

@@ -396,3 +396,11 @@ def test_a_folder_may_have_any_name(backup_of_two: Path, tmp_path: Path) -> None
     file = _index(tmp_path / "a room? #1 50%20" / "images", *"abc")
     restored = restore(backup_of_two, sqlite_url(tmp_path / "other"), file.parent)
     assert restored.kept_index == KeptIndex(3, 2)
+
+
+def test_what_a_killed_restore_left_is_removed_by_the_next(backup_of_two: Path, tmp_path: Path) -> None:
+    left = tmp_path / "other" / ".restoring-abc"
+    left.mkdir(parents=True)
+    (left / "record.sqlite").write_bytes(b"a copy of the record")
+    restore(backup_of_two, sqlite_url(tmp_path / "other"), tmp_path / "other" / "images")
+    assert not list((tmp_path / "other").glob(".restoring-*"))
