@@ -92,7 +92,7 @@ def test_the_newest_image_is_kept_although_the_robot_stood_at_a_place_of_its_own
 @pytest.mark.parametrize(
     ("age_s", "x_mm"),
     [
-        (1.0, 5.0),  # received at 113 s, a second after the robot came to rest
+        (1.0, 5.0),  # received at 113 s, a second after the robot had stopped
         (1.6, None),  # received at 112.4 s, 0.4 s after that: it may have been exposed before
         (4.0, None),  # received at 110 s, before the robot moved
         (None, None),

@@ -99,15 +99,15 @@ def test_an_error_code_that_comes_late_is_reported_and_one_that_never_comes_is_a
 
 
 @pytest.mark.parametrize(
-    ("in_time", "late", "kind"),
+    ("in_time", "late", "sentence"),
     [
-        (b"5", b"00\n", ErrorKind.STOP_BUTTON_PRESSED),
-        (b"1", b"0\n", ErrorKind.STOPPED_BY_COMMAND),
-        (b"-", b"1024\n", ErrorKind.FAULT),
+        (b"5", b"00\n", "stop button is pressed"),
+        (b"1", b"0\n", "stopped by a command"),
+        (b"-", b"1024\n", "motion error"),
     ],
 )
 def test_an_error_code_of_which_a_part_comes_late_is_read_as_a_whole(
-    gcs: FakeGcs, in_time: bytes, late: bytes, kind: ErrorKind
+    gcs: FakeGcs, in_time: bytes, late: bytes, sentence: str
 ) -> None:
     controller = GcsController(gcs, HEXAPOD, reply_timeout_s=PATIENT_S)
     gcs.spoil = lambda q, a: in_time if q == b"ERR?" else a
@@ -117,7 +117,7 @@ def test_an_error_code_of_which_a_part_comes_late_is_read_as_a_whole(
     gcs.say(late)
     error = controller.read().error
     assert error is not None
-    assert error.kind is kind
+    assert sentence in error.message
     controller.close()
 
 
