@@ -245,3 +245,17 @@ def test_files_are_not_new_after_their_folder_could_not_be_read_for_a_while(tmp_
         folder.with_name("away").rename(folder)
         taker.calls.get(timeout=PATIENCE_S)
     assert taker.waited_s == [None, None]
+
+
+def test_a_file_that_was_removed_while_it_was_taken_is_no_error(tmp_path: Path) -> None:
+    taker, source, file = Taker(), Watched(tmp_path), tmp_path / "shot.png"
+
+    def take(content: bytes, sender: str, waited_s: float | None = 0.0, /) -> None:
+        file.unlink()
+        taker(content, sender, waited_s)
+
+    with source.receiving(take), structlog.testing.capture_logs() as logged:
+        file.write_bytes(b"image")
+        taker.calls.get(timeout=PATIENCE_S)
+        source.looks_again(2)
+    assert logged == []
