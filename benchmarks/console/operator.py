@@ -83,13 +83,15 @@ class ConsoleOperator:
         self.room("Clear all")
 
     def record(self, step: str, hole: str | None = None) -> None:
-        """Record a step that is in order."""
+        """Record a step that is in order; its form has closed when this returns."""
         row = self.page.get_by_role("button", name=step, exact=True)
         if row.get_attribute("aria-expanded") != "true":
             row.click()
         if hole is not None:
             self.page.locator(".step-form").get_by_role("checkbox", name=hole).check()
         self._click(f"Record: {step}")
+        # It stays until all of the case was read anew, which may be after the page asks for what is next.
+        self._wait(lambda: self.page.locator(".step-form").count() == 0, f"while {step!r} is recorded")
 
     def run_until(self, reached: Callable[["ConsoleOperator"], bool]) -> None:
         """Do what is next, again and again, until the page shows what is wanted.

@@ -111,7 +111,7 @@ function PlanForm({
   const doing = useAct(() => act.requestPlan(read, { localisation: localisation.number, hole_ids: chosen }));
   return (
     <div>
-      <Holes holeIds={read.view.hole_ids} chosen={chosen} onChange={setChosen} />
+      <Holes holeIds={read.view.hole_ids} chosen={chosen} onChange={setChosen} isSent={doing.isPending} />
       <button
         type="button"
         className="primary wide"

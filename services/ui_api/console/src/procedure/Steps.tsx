@@ -8,15 +8,21 @@ import ProblemNote from "../state/ProblemNote";
 import { sentence } from "../state/sentence";
 import Holes from "./Holes";
 
-type StepName = Schemas["StepBody"]["step"];
+type StepBody = Schemas["StepBody"];
 
 /** Record what people did with their hands: those in order first, the others with a reason. */
 export default function Steps({ read }: { readonly read: ReadCase }) {
   const { t } = useTranslation();
   const [open, setOpen] = useState<string | null>(null);
+  // Not the row's own: what was recorded moves to the other list while its row still waits for the answer.
+  const recording = useAct((body: StepBody) => act.recordStep(read, body));
   const { steps, allowed_steps: inOrder, next_action: next } = read.view.procedure;
   const others = steps.filter((step) => step.verdict !== "allowed");
   const ordered = inOrder.flatMap((name) => steps.filter((step) => step.name === name));
+  function toggle(name: string) {
+    recording.reset();
+    setOpen(open === name ? null : name);
+  }
   const row = (step: ActionView) => (
     <StepRow
       key={step.name}
@@ -24,7 +30,10 @@ export default function Steps({ read }: { readonly read: ReadCase }) {
       read={read}
       isNext={step.name === next}
       isOpen={open === step.name}
-      onToggle={() => setOpen(open === step.name ? null : step.name)}
+      onToggle={() => toggle(step.name)}
+      isSent={recording.isPending}
+      error={recording.error}
+      onRecord={(body) => recording.mutate(body, { onSuccess: () => setOpen(null) })}
     />
   );
   return (
@@ -42,22 +51,30 @@ export default function Steps({ read }: { readonly read: ReadCase }) {
   );
 }
 
-interface RowProps {
+interface FormProps {
   readonly step: ActionView;
   readonly read: ReadCase;
+  readonly isSent: boolean;
+  readonly error: Error | null;
+  readonly onRecord: (body: StepBody) => void;
+}
+
+interface RowProps extends FormProps {
   readonly isNext: boolean;
   readonly isOpen: boolean;
   readonly onToggle: () => void;
 }
 
-function StepRow({ step, read, isNext, isOpen, onToggle }: RowProps) {
+function StepRow({ isNext, isOpen, onToggle, ...form }: RowProps) {
   const { t } = useTranslation();
+  const { step } = form;
   return (
     <li>
       <button
         type="button"
         className={isNext ? "primary wide" : "wide"}
         aria-expanded={isOpen}
+        disabled={form.isSent}
         onClick={onToggle}
       >
         {t(`step.${step.name}`)}
@@ -67,42 +84,35 @@ function StepRow({ step, read, isNext, isOpen, onToggle }: RowProps) {
           {sentence(step.reason)} <em>{sentence(step.remedy)}</em>
         </p>
       )}
-      {isOpen && step.verdict !== "refused" && <StepForm step={step} read={read} onDone={onToggle} />}
+      {isOpen && step.verdict !== "refused" && <StepForm {...form} />}
     </li>
   );
 }
 
-interface FormProps {
-  readonly step: ActionView;
-  readonly read: ReadCase;
-  readonly onDone: () => void;
-}
-
-function StepForm({ step, read, onDone }: FormProps) {
+function StepForm({ step, read, isSent, error, onRecord }: FormProps) {
   const { t } = useTranslation();
   const [holes, setHoles] = useState<string[]>([]);
   const [why, setWhy] = useState("");
   const needsReason = step.verdict === "with_reason";
-  const doing = useAct(() => act.recordStep(read, { step: step.name as StepName, hole_ids: holes, why }));
   return (
     <div className="step-form">
-      <Holes holeIds={read.view.hole_ids} chosen={holes} onChange={setHoles} />
+      <Holes holeIds={read.view.hole_ids} chosen={holes} onChange={setHoles} isSent={isSent} />
       <p className="hint">{t("procedure.no_holes_means_all")}</p>
       {needsReason && (
         <label>
           {sentence(step.reason)} {t("procedure.why")}
-          <input value={why} onChange={(event) => setWhy(event.target.value)} />
+          <input value={why} disabled={isSent} onChange={(event) => setWhy(event.target.value)} />
         </label>
       )}
       <button
         type="button"
         className="primary wide"
-        disabled={doing.isPending || (needsReason && why.trim() === "")}
-        onClick={() => doing.mutate(undefined, { onSuccess: onDone })}
+        disabled={isSent || (needsReason && why.trim() === "")}
+        onClick={() => onRecord({ step: step.name as StepBody["step"], hole_ids: holes, why })}
       >
         {t("procedure.record", { step: t(`step.${step.name}`) })}
       </button>
-      <ProblemNote error={doing.error} />
+      <ProblemNote error={error} />
     </div>
   );
 }
