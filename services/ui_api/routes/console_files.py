@@ -4,6 +4,7 @@ import gzip
 import mimetypes
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
@@ -34,8 +35,9 @@ class ConsoleFile:
     etag: str
 
     @staticmethod
+    @cache
     def of(name: str, content: bytes) -> "ConsoleFile":
-        """From a file's name and content."""
+        """From a file's name and content; the same file again costs nothing."""
         suffix = Path(name).suffix
         media_type = _TYPES.get(suffix) or mimetypes.guess_type(name)[0] or "application/octet-stream"
         zipped = gzip.compress(content, 9, mtime=0) if media_type.startswith(_WORTH_COMPRESSING) else None

@@ -24,6 +24,7 @@ from shared.messages.imaging import FrameHeader
 from shared.messages.robot import MotionState
 from shared.pki.permit_key import PERMIT_KEY_FILE
 from shared.runtime.lifecycle import open_service
+from tests.new_record import put_new_record
 from tests.unit.services.ui_api import samples
 from tests.unit.services.ui_api.fakes import PATIENCE_S, FakeImaging, FakeRegistration, FakeRobot, LogWatch
 from tests.unit.services.ui_api.served import served
@@ -133,6 +134,7 @@ def open_room_with(robot_type: type[FakeRobot], state_dir: Path, **settings: obj
     }  # the fake robot speaks only when told to
     write_permit_key(state_dir)
     chosen = UiApiSettings(room=ROOM, state_dir=state_dir, **(unhurried | settings))  # type: ignore[arg-type]  # pydantic checks it
+    put_new_record(chosen.record_url())
     with ExitStack() as stack:
         imaging = stack.enter_context(FakeImaging(router, keys))
         registration = stack.enter_context(FakeRegistration(router, keys))

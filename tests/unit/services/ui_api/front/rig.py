@@ -71,7 +71,11 @@ class FrontRig:
         )
         self.leaving = parts.leaving
         server = FrontServer(parts, self.link)
-        threading.Thread(target=self._serve, args=(inner, application), daemon=True).start()
+        accepting = threading.Thread(target=self._serve, args=(inner, application), daemon=True)
+        accepting.start()
+        # A thread that still waits here when the socket is closed waits for the next socket of the same number.
+        stack.callback(accepting.join)
+        stack.callback(inner.shutdown, socket.SHUT_RDWR)
         stack.enter_context(serving_front(server, outer, ours))
 
     def _stop(self, reason: str) -> StopOutcome:

@@ -7,6 +7,7 @@ import pytest
 from sqlalchemy import Engine
 
 from services.ui_api.record.database import open_database, sqlite_url
+from tests.new_record import put_new_record
 from tests.postgresql import Server, running_server, why_not_installed
 
 
@@ -31,7 +32,9 @@ def migrated(postgresql: Server) -> str:
 def record_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """Where a record may be: one after the other on both databases."""
     if request.param == "sqlite":
-        return sqlite_url(tmp_path)
+        url = sqlite_url(tmp_path)
+        put_new_record(url)
+        return url
     server: Server = request.getfixturevalue("postgresql")
     return server.url(server.make_database(request.getfixturevalue("migrated")))
 
