@@ -22,12 +22,13 @@ COMPILED := .venv/.compiled
 PACKAGES := distalock services shared simulation baselines benchmarks tools
 CONSOLE := .venv/.console
 
-.PHONY: help setup demo test check lint console tests contract-tests e2e-tests quick-tests unit attacks fuzz examples model-check mutation faults bench lock version release containers screenshots \
+.PHONY: help setup demo test check lint console tests contract-tests e2e-tests long-tests quick-tests unit attacks fuzz examples model-check mutation faults bench lock version release containers screenshots \
 	generated wheel-check clean
 
 help:
 	@echo "make demo    the whole procedure in the virtual operating room"
-	@echo "make test    all tests; CI runs them and more"
+	@echo "make test    all tests but the long ones; CI runs those and more"
+	@echo "make long-tests  those; pieces of benchmarks, and more seeds, parameters and processes"
 	@echo "make check   lint, types, import contracts, unit tests"
 	@echo "make unit    unit tests; of one file or folder with T=tests/unit/..."
 	@echo "make attacks  tries to get past the controls of a running system, and rewrites docs/attacks.md"
@@ -93,17 +94,21 @@ console: setup
 	@$(BIN)/python -m tools.console check
 
 tests: $(COMPILED)
-	$(PYTEST) $(PARALLEL) -n $(UNIT_WORKERS) tests/accuracy tests/model tests/property tests/unit
+	$(PYTEST) $(PARALLEL) -n $(UNIT_WORKERS) -m "not long" tests/accuracy tests/model tests/property tests/unit
 
 contract-tests: $(COMPILED)
 	$(PYTEST) tests/contract
 
 e2e-tests: $(COMPILED)
-	$(PYTEST) $(PARALLEL) -m "not alone" tests/e2e
-	$(PYTEST) -m alone tests/e2e
+	$(PYTEST) $(PARALLEL) -m "not alone and not long" tests/e2e
+	$(PYTEST) -m "alone and not long" tests/e2e
+
+# What `make test` leaves out: pieces of benchmarks, and more seeds, parameters or processes of what a test beside shows.
+long-tests: $(COMPILED)
+	$(PYTEST) $(PARALLEL) -m long tests/accuracy tests/e2e tests/unit
 
 quick-tests: $(COMPILED)
-	$(PYTEST) $(PARALLEL) -n $(UNIT_WORKERS) tests/property tests/unit
+	$(PYTEST) $(PARALLEL) -n $(UNIT_WORKERS) -m "not long" tests/property tests/unit
 
 unit: $(COMPILED)
 	$(PYTEST) $(T)

@@ -1,5 +1,6 @@
 """A whole installation of real processes with the virtual operating room, for tests that speak REST only."""
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +11,9 @@ from benchmarks.common.operating_room import OperatingRoom, running
 from distalock.installation import Installation, Ports
 
 SEED = 2
+# Longer than registration's `image_delay_s`: no plan is made from an image that comes sooner after the robot moved, or
+# after its service was silent.
+RESTED_S = 0.6
 
 
 @contextmanager
@@ -25,3 +29,9 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OperatingRoom]:
     print(f"scenario seed {SEED}")
     with operating_room(tmp_path_factory.mktemp("room"), SEED) as room:
         yield room
+
+
+def shot_at_rest(room: OperatingRoom) -> str:
+    """Take an image as a person does, not in the moment in which the robot is locked again; its SOP Instance UID."""
+    time.sleep(RESTED_S)
+    return room.room.take_shot()

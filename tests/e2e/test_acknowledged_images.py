@@ -71,7 +71,10 @@ def require_all_finished(site: Shooting) -> None:
 
 # Without imaging nothing is acknowledged.
 @pytest.mark.requirement("IMG-02")
-@pytest.mark.parametrize(("service", "shots_while_down"), [("imaging", 0), ("registration", 2), ("ui_api", 2)])
+@pytest.mark.parametrize(
+    ("service", "shots_while_down"),
+    [("imaging", 0), pytest.param("registration", 2, marks=pytest.mark.long), ("ui_api", 2)],
+)
 def test_a_killed_process_loses_no_acknowledged_image(site: Shooting, service: str, shots_while_down: int) -> None:
     for _ in range(2):
         site.shoot()
@@ -83,7 +86,9 @@ def test_a_killed_process_loses_no_acknowledged_image(site: Shooting, service: s
 
 
 @pytest.mark.requirement("IMG-02")
-@pytest.mark.parametrize("service", ["imaging", "registration", "ui_api"])
+@pytest.mark.parametrize(
+    "service", ["registration", *(pytest.param(one, marks=pytest.mark.long) for one in ("imaging", "ui_api"))]
+)
 def test_a_hung_process_loses_no_acknowledged_image(site: Shooting, service: str) -> None:
     site.shoot()
     site.signal(service, signal.SIGSTOP)

@@ -14,7 +14,7 @@ from benchmarks.common.operating_room import OperatingRoom
 from distalock.case_client import CaseClient, is_accepted, summary_of
 from distalock.client.models import OperationView, PlanView, RobotState
 from distalock.rest_client import bearer
-from tests.e2e.conftest import SEED, operating_room
+from tests.e2e.conftest import SEED, operating_room, shot_at_rest
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(600)]
 
@@ -39,7 +39,7 @@ class CaseRoom:
 
     def approved_plan(self) -> PlanView:
         self.case.make_robot_ready()
-        seen = self.case.localisation_of(self.room.room.take_shot())
+        seen = self.case.localisation_of(shot_at_rest(self.room))
         assert is_accepted(seen), summary_of(seen)
         plan = self.case.plan(seen.number, self.room.room.scenario().hole_ids)
         self.case.approve(plan)

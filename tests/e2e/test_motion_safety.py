@@ -15,6 +15,7 @@ from distalock.case_client import CaseClient, is_accepted, summary_of
 from distalock.client import RequestRefused
 from distalock.client.models import OperationView, PlanView, RobotState
 from distalock.rest_client import bearer
+from tests.e2e.conftest import shot_at_rest
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(600)]
 
@@ -54,7 +55,7 @@ def planned(site: OperatingRoom) -> Iterator[Planned]:
     """
     case = site.open_case()
     case.make_robot_ready()
-    seen = case.localisation_of(site.room.take_shot())
+    seen = case.localisation_of(shot_at_rest(site))
     assert is_accepted(seen), summary_of(seen)
     yield Planned(site, case, case.plan(seen.number, site.room.scenario().hole_ids))
     case.record_step("abandoned", [], why="the test has ended")

@@ -8,6 +8,7 @@ SEED = 330
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(600)
 # measured: 9.5 mm at first; 0.32 and 0.27 mm after one move; 0.054 mm and 0.095°, 0.029 mm and 0.019° after two
 @pytest.mark.parametrize(

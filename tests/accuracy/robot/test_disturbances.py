@@ -4,7 +4,7 @@ import pytest
 
 from benchmarks.robot import delivery, faults, noise
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.slow, pytest.mark.long, pytest.mark.timeout(900)]
 
 
 def test_no_sequence_of_faults_leads_to_an_unpermitted_motion_or_ends_unlocked() -> None:

@@ -17,7 +17,7 @@ from services.ui_api.handlers.head_calibration import calibrated_hexapod
 from services.ui_api.handlers.parts import resolve_part
 from shared.parts.hexapod_file import default_hexapod, hexapod_from_json
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.slow, pytest.mark.long, pytest.mark.timeout(900)]
 SEED = 601
 POSES = suggested_poses(default_hexapod(), EXTENSION_MM, LEAST_IMAGES + 1)
 

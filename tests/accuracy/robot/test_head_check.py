@@ -62,6 +62,7 @@ def test_a_guide_on_back_to_front_contradicts_the_nails_tip() -> None:
     assert "how the guide is mounted" in image.result.reasons[0].message
 
 
+@pytest.mark.long
 def test_an_extension_entered_10_mm_wrong_shows_in_a_first_move_that_turns() -> None:
     scenario = scenario_of_seed(EXTENSION_SEED)
     hexapod = scenario.parts.hexapod
