@@ -12,7 +12,7 @@ from distalock.installation import Installation, Ports
 
 SEED = 2
 # Longer than registration's `image_delay_s`: no plan is made from an image that comes sooner after the robot moved, or
-# after its service was silent.
+# was locked again.
 RESTED_S = 0.6
 
 
