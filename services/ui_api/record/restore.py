@@ -70,7 +70,7 @@ def restore(folder: Path, url: str, image_dir: Path) -> Restored:
     """
     manifest = read_manifest(folder)
     engine = engine_of(url)
-    with sole_gateway(url), _working_file(engine) as file:
+    with sole_gateway(url), _working_file(engine, image_dir) as file:
         _require_no_record(url)
         kept = _index_to_keep(folder, image_dir)
         copy_sqlite(folder / RECORD_FILE, file)
@@ -122,10 +122,11 @@ def _restore_images(manifest: BackupManifest, named: tuple[str, ...], folder: Pa
 
 
 @contextmanager
-def _working_file(engine: Engine) -> Iterator[Path]:
-    """A file for the copy that is checked and upgraded: beside the record that it becomes, where that is a file."""
-    beside = Path(str(engine.url.database)).parent if is_sqlite(engine) else None
-    for left in () if beside is None else beside.glob(f"{_RESTORING}*"):
+def _working_file(engine: Engine, image_dir: Path) -> Iterator[Path]:
+    """A file for the copy that is checked and upgraded: beside the file that it becomes, or else beside the images."""
+    beside = Path(str(engine.url.database)).parent if is_sqlite(engine) else image_dir.parent
+    beside.mkdir(parents=True, exist_ok=True)
+    for left in beside.glob(f"{_RESTORING}*"):
         shutil.rmtree(left)  # of a restore that was killed: it holds personal data
     with tempfile.TemporaryDirectory(dir=beside, prefix=_RESTORING) as folder:
         yield Path(folder) / RECORD_FILE

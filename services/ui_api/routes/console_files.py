@@ -37,7 +37,7 @@ class ConsoleFile:
     @staticmethod
     @cache
     def of(name: str, content: bytes) -> "ConsoleFile":
-        """From a file's name and content; the same file again costs nothing."""
+        """From a file's name and content; the same content is compressed once."""
         suffix = Path(name).suffix
         media_type = _TYPES.get(suffix) or mimetypes.guess_type(name)[0] or "application/octet-stream"
         zipped = gzip.compress(content, 9, mtime=0) if media_type.startswith(_WORTH_COMPRESSING) else None

@@ -398,9 +398,21 @@ def test_a_folder_may_have_any_name(backup_of_two: Path, tmp_path: Path) -> None
     assert restored.kept_index == KeptIndex(3, 2)
 
 
-def test_what_a_killed_restore_left_is_removed_by_the_next(backup_of_two: Path, tmp_path: Path) -> None:
-    left = tmp_path / "other" / ".restoring-abc"
-    left.mkdir(parents=True)
-    (left / "record.sqlite").write_bytes(b"a copy of the record")
-    restore(backup_of_two, sqlite_url(tmp_path / "other"), tmp_path / "other" / "images")
-    assert not list((tmp_path / "other").glob(".restoring-*"))
+def test_what_a_killed_restore_left_is_removed_by_the_next(
+    backup_of_two: Path, other_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left = tmp_path
+
+    def killed(folder: Path, file: Path) -> None:
+        nonlocal left
+        left = file.parent
+        shutil.copytree(left, left.with_name(f"{left.name}-kept"))
+        raise InputError("killed")
+
+    monkeypatch.setattr("services.ui_api.record.restore.copy_sqlite", killed)
+    with pytest.raises(InputError, match="killed"):
+        restore(backup_of_two, other_url, tmp_path / "other" / "images")
+    assert len(list(left.parent.glob(".restoring-*"))) == 1
+    monkeypatch.undo()
+    restore(backup_of_two, other_url, tmp_path / "other" / "images")
+    assert not list(left.parent.glob(".restoring-*"))
