@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.wires.verify import WireVerification
 from services.registration.frames import (
+    AT_REST,
     LocalisedFrames,
     OpenCase,
     ReceivedFrame,
@@ -17,7 +18,7 @@ from services.registration.frames import (
     set_up_of,
 )
 from shared.messages.imaging import FrameHeader, ImageReference
-from shared.messages.robot import RobotState
+from shared.messages.robot import PlatformPoseMessage, RobotState
 
 # Chosen: a bound on memory, above the images of the longest procedure.
 _MOST_ANNOUNCED = 256
@@ -40,6 +41,7 @@ class RegistrationState:
         self._kept = kept
         self._image_delay_s = image_delay_s
         self.now_s = clock_s
+        self._rests_at: PlatformPoseMessage | None = None
         self._resting_since_s = float("inf")
         self._changed = threading.Condition()
         self._case: OpenCase | None = None
@@ -61,14 +63,18 @@ class RegistrationState:
             self._changed.notify_all()
 
     def note_robot(self, state: RobotState) -> None:
-        """Note the newest state of the robot; since when it rests, a new run of its service does not know."""
+        """Note the newest state of the robot; since when it rests, a new run of its service does not know.
+
+        A controller that does not answer in one round leaves a robot at rest without a pose. It has rested if it stands
+        where it stood when the controller answers again.
+        """
         with self._changed:
             is_same_run = self._robot is not None and self._robot.boot_epoch == state.boot_epoch
-            pose, before = pose_at_rest(state), pose_at_rest(self._robot) if is_same_run else None
-            if pose is None:
-                self._resting_since_s = float("inf")
-            elif before is None or not same_place(before, pose):
-                self._resting_since_s = self.now_s()
+            before = self._rests_at if is_same_run and state.state in AT_REST else None
+            pose = pose_at_rest(state)
+            if before is None or not (pose is None or same_place(before, pose)):
+                self._resting_since_s = float("inf") if pose is None else self.now_s()
+            self._rests_at = pose or before
             self._robot = state
 
     def note_announced(self, image: ImageReference) -> None:
@@ -88,7 +94,8 @@ class RegistrationState:
     def note_frame(self, header: FrameHeader, pixels: NDArray[np.float32]) -> ReceivedFrame:
         """Note an image that arrives now: a new epoch begins. The robot stood where it stands, if for long enough."""
         with self._changed:
-            return self._keep(header, pixels, self._robot if self._had_rested(header.age_s) else None)
+            is_known = pose_at_rest(self._robot) is not None and self._had_rested(header.age_s)
+            return self._keep(header, pixels, self._robot if is_known else None)
 
     def _had_rested(self, age_s: float | None) -> bool:
         """Whether the robot had stood for long enough when imaging received an image; an unknown age is a no.

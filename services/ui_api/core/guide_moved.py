@@ -66,8 +66,18 @@ class RobotWatch:
 
     def after(self, robot: RobotChanged) -> "RobotWatch":
         """The same after a change of the robot's condition."""
-        lost = None if robot.referenced else _UNWATCHED[MotionState.UNREFERENCED]
-        return RobotWatch(robot.boot_epoch, _UNWATCHED.get(robot.state, lost))
+        return RobotWatch(robot.boot_epoch, _UNWATCHED.get(robot.state) or self._unwatched_at_rest(robot))
+
+    def _unwatched_at_rest(self, robot: RobotChanged) -> str | None:
+        """Why the guide may move although the robot is in no state in which it may.
+
+        Neither locked nor referenced: the controller has not answered in the last round. Nothing has changed then: the
+        robot service makes a fault of it within a second, or compares where the robot stands with where it was locked.
+        """
+        if robot.referenced:
+            return None
+        is_unanswered = not robot.locked and robot.boot_epoch == self.boot_epoch
+        return self.unwatched if is_unanswered else _UNWATCHED[MotionState.UNREFERENCED]
 
     def unwatched_until(self, robot: RobotChanged) -> str | None:
         """Why the guide may have moved until this change of the robot's condition; None when it was watched."""

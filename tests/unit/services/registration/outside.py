@@ -122,7 +122,7 @@ class Outside:
         return self.records.get(timeout=PATIENCE_S)
 
 
-def robot_state(state: MotionState, pose: PlatformPoseMessage, boot: str = "robot-1") -> RobotState:
+def robot_state(state: MotionState, pose: PlatformPoseMessage | None, boot: str = "robot-1") -> RobotState:
     return RobotState(
         boot_epoch=boot,
         sequence=1,

@@ -114,6 +114,31 @@ def test_an_image_that_took_long_in_imaging_is_bound_by_when_it_was_received(
 
 
 @pytest.mark.requirement("REG-09")
+@pytest.mark.parametrize(
+    ("meanwhile", "x_mm", "bound"),
+    [
+        (MotionState.LOCKED, 0.0, True),
+        (MotionState.LOCKED, 0.1, False),  # it stands elsewhere
+        (MotionState.MOVING, 0.0, False),  # it came back
+    ],
+)
+def test_a_controller_that_was_slow_to_answer_did_not_end_the_robots_rest(
+    meanwhile: MotionState, x_mm: float, *, bound: bool
+) -> None:
+    clock = Clock(100.0)
+    state = RegistrationState("registration-1", 10, 0.5, lambda: clock.now_s)
+    state.note_robot(robot_state(MotionState.LOCKED, HOME))
+    clock.now_s = 110.0
+    state.note_robot(robot_state(meanwhile, None))
+    clock.now_s = 110.3
+    assert state.note_frame(header("where it is, nobody knows"), BLANK).robot is None
+    state.note_robot(robot_state(MotionState.LOCKED, HOME.model_copy(update={"x_mm": HOME.x_mm + x_mm})))
+    assert (state.note_frame(header("at once"), BLANK).robot is not None) is bound
+    clock.now_s = 111.5
+    assert state.note_frame(header("later"), BLANK).robot is not None
+
+
+@pytest.mark.requirement("REG-09")
 @pytest.mark.parametrize(("age_s", "bound"), [(0.2, True), (4.0, False)])
 def test_an_image_from_before_a_restart_of_the_robot_service_is_not_bound_to_its_new_run(
     age_s: float, *, bound: bool

@@ -210,6 +210,20 @@ def test_a_controller_that_is_slow_at_rest_is_asked_again(bench: Bench) -> None:
     assert bench.drive.status.feedback is not None
 
 
+@pytest.mark.requirement("GW-04")
+def test_a_robot_that_moved_while_its_controller_was_slow_is_a_fault(bench: Bench) -> None:
+    """Gateway and registration rely on it: what was seen before stays seen while a slow controller is asked again."""
+    bench.make_ready()
+    bench.controller.silent = True
+    bench.now_s += 0.9
+    bench.work(1)
+    bench.controller.silent = False
+    bench.controller.feedback = replace(bench.controller.feedback, pose=PlatformPose(0.2, 0.0, 0.0, 0.0, 0.0, 0.0))
+    bench.work(1)
+    assert bench.has(MotionState.FAULT)
+    assert "the locked robot has moved" in bench.drive.status.detail
+
+
 def test_a_controller_that_stays_silent_at_rest_is_a_fault(bench: Bench) -> None:
     bench.make_ready()
     bench.controller.silent = True

@@ -26,6 +26,10 @@ def _robot(state: str, boot_epoch: str = "boot-1") -> RobotChanged:
     return replace(_ROBOT, state=state, boot_epoch=boot_epoch)
 
 
+def _unanswered(state: str, boot_epoch: str = "boot-1") -> RobotChanged:
+    return replace(_robot(state, boot_epoch), locked=False, referenced=False)
+
+
 def _verified(*names: str) -> VerificationMade:
     return VerificationMade(1, tuple(map(samples.sha, names)), "accepted", (), "e" * 64, ("distal",))
 
@@ -132,6 +136,31 @@ def test_a_guide_is_watched_again_only_when_the_robot_holds_it(log: Log, state: 
 def test_a_robot_that_has_lost_its_reference_was_not_watched(log: Log) -> None:
     case = log.add(replace(_robot("stopped"), referenced=False))
     assert case.guide_moved_since(samples.sha("one")) == "the robot was without a reference after it was taken"
+
+
+@pytest.mark.requirement("GW-04")
+@pytest.mark.parametrize("state", ["locked", "stopped"])
+def test_a_controller_that_was_slow_to_answer_costs_no_image(log: Log, state: str) -> None:
+    """The robot service watches: it makes a fault of a robot that is not where it was when the answer comes."""
+    case = log.add(_robot(state), _unanswered(state), _robot("locked"))
+    assert (case.progress.stage, case.guide_moved_since(samples.sha("one"))) == (Stage.VERIFIED, None)
+
+
+@pytest.mark.requirement("GW-04")
+@pytest.mark.parametrize(
+    ("before", "unanswered"),
+    [
+        (_robot("fault"), _unanswered("stopped")),
+        (replace(_robot("stopped"), referenced=False), _unanswered("stopped")),
+        (_robot("stopped"), _unanswered("stopped", "boot-2")),
+    ],
+)
+def test_a_controller_that_does_not_answer_ends_no_time_in_which_the_guide_was_not_watched(
+    log: Log, before: RobotChanged, unanswered: RobotChanged
+) -> None:
+    log.add(before, unanswered, image("meanwhile", 2))
+    case = log.add(_robot("locked", unanswered.boot_epoch))
+    assert case.guide_moved_since(samples.sha("meanwhile")) is not None
 
 
 def test_a_restart_is_noticed_in_a_case_that_was_opened_beside_a_robot_at_rest() -> None:

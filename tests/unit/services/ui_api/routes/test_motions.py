@@ -176,6 +176,15 @@ def test_motion_from_an_unreferenced_robot_moves_nothing(room: Room) -> None:
     assert "without a reference" in _assert_refused(room, case_id, plan, "plan_stale")
 
 
+def test_a_controller_that_was_slow_to_answer_makes_no_plan_stale(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    room.robot.say(MotionState.LOCKED, locked=False, referenced=False, pose=None)
+    room.log.wait_for_event(lambda e: getattr(e.data, "referenced", True) is False)
+    room.robot.say(MotionState.LOCKED)
+    _move(room, case_id, plan)
+    assert len(room.robot.moves) == 1
+
+
 def test_a_plan_moves_once(room: Room) -> None:
     plan = room.approved_plan(case_id := room.open_case())
     operation_id = _move(room, case_id, plan)
