@@ -169,6 +169,11 @@ def pose_at_rest(robot: RobotState | None) -> PlatformPoseMessage | None:
     return robot.pose if robot is not None and robot.state in AT_REST else None
 
 
+def is_unanswered(robot: RobotState | None) -> bool:
+    """Whether the robot is at rest and its controller has not answered in the last round."""
+    return robot is not None and robot.state in AT_REST and robot.pose is None
+
+
 def moved_by(a: PlatformPoseMessage, b: PlatformPoseMessage) -> tuple[float, float]:
     """Greatest difference of two poses along an axis, in mm, and about one, in degrees."""
     apart_mm = max(abs(a.x_mm - b.x_mm), abs(a.y_mm - b.y_mm), abs(a.z_mm - b.z_mm))

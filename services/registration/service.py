@@ -17,7 +17,7 @@ from services.registration.live import LiveGuidance
 from services.registration.planning import another_set_up, answer_plan_request, stood_elsewhere
 from services.registration.report import verification_message
 from services.registration.settings import RegistrationSettings
-from services.registration.state import RegistrationState
+from services.registration.state import SLOW_ANSWER_S, RegistrationState
 from shared.bus.frame_paths import FramePaths
 from shared.bus.port import Answer, Bus, Query, Sample, Subscription
 from shared.errors import BusError, InputError
@@ -41,8 +41,8 @@ _WAIT_S = 0.2
 # Five times within the second after which the robot refuses (`registration_silent`).
 _EPOCH_EVERY_S = 0.2
 _CASE_TIMEOUT_S = 2.0
-# Chosen: pixels travel on another key than their calibration, and come a little later at most.
-_OVERTAKEN_S = 0.5
+# Chosen: pixels travel on another key than their calibration, and come a little later at most, or wait for the robot.
+_OVERTAKEN_S = SLOW_ANSWER_S + 0.3
 
 
 class RegistrationService:
@@ -144,6 +144,7 @@ class RegistrationService:
 
     def _on_plan_request(self, query: Query) -> Answer:
         request = decode(PlanRequest, query.payload)
+        self._state.wait_for_robot()
         reply = answer_plan_request(request, self._state, self._settings.oldest_image_s)
         if reply.plan is not None:
             # published before it is answered: the robot must know a plan before anyone can approve it
@@ -153,6 +154,7 @@ class RegistrationService:
 
     def _on_verification_request(self, query: Query) -> Answer:
         request = decode(VerificationRequest, query.payload)
+        self._state.wait_for_robot()
         found = [self._state.images.get(sha256) for sha256 in request.image_sha256]
         case = self._state.case
         # what is in the holes changes between two images of one set-up

@@ -13,6 +13,7 @@ from services.registration.frames import (
     LocalisedFrames,
     OpenCase,
     ReceivedFrame,
+    is_unanswered,
     pose_at_rest,
     same_place,
     set_up_of,
@@ -22,6 +23,8 @@ from shared.messages.robot import PlatformPoseMessage, RobotState
 
 # Chosen: a bound on memory, above the images of the longest procedure.
 _MOST_ANNOUNCED = 256
+# Longer than the robot service asks a slow controller again at rest: after that it is in fault.
+SLOW_ANSWER_S = 1.2
 
 
 class RegistrationState:
@@ -76,6 +79,7 @@ class RegistrationState:
                 self._resting_since_s = float("inf") if pose is None else self.now_s()
             self._rests_at = pose or before
             self._robot = state
+            self._changed.notify_all()
 
     def note_announced(self, image: ImageReference) -> None:
         """Note that imaging has an image. If its pixels have not come, it begins a new epoch all the same."""
@@ -92,10 +96,19 @@ class RegistrationState:
                 self._begin_epoch(image)
 
     def note_frame(self, header: FrameHeader, pixels: NDArray[np.float32]) -> ReceivedFrame:
-        """Note an image that arrives now: a new epoch begins. The robot stood where it stands, if for long enough."""
+        """Note an image that arrives now: a new epoch begins. The robot stood where it stands, if for long enough.
+
+        While the controller does not answer, its next answer is waited for: it says whether the robot still stands
+        there, and the image need not be taken again. No frame of a run waits: the next one comes soon.
+        """
         with self._changed:
-            is_known = pose_at_rest(self._robot) is not None and self._had_rested(header.age_s)
-            return self._keep(header, pixels, self._robot if is_known else None)
+            received_at_s = None if header.age_s is None else self.now_s() - header.age_s
+            rests_since_s = self._resting_since_s if self._had_rested(header.age_s) else None
+            if rests_since_s is not None and header.run_interval_s is None and is_unanswered(self._robot):
+                self.note_announced(header.reference())  # what is older is stale from now on
+                self.wait_for_robot()
+            is_bound = rests_since_s == self._resting_since_s and pose_at_rest(self._robot) is not None
+            return self._keep(header, pixels, self._robot if is_bound else None, received_at_s)
 
     def _had_rested(self, age_s: float | None) -> bool:
         """Whether the robot had stood for long enough when imaging received an image; an unknown age is a no.
@@ -110,12 +123,14 @@ class RegistrationState:
     def note_fetched_frame(self, header: FrameHeader, pixels: NDArray[np.float32]) -> ReceivedFrame:
         """Note an image that was asked for afterwards: where the robot stood when it was made is not known."""
         with self._changed:
-            return self._keep(header, pixels, None)
+            received_at_s = None if header.age_s is None else self.now_s() - header.age_s
+            return self._keep(header, pixels, None, received_at_s)
 
-    def _keep(self, header: FrameHeader, pixels: NDArray[np.float32], robot: RobotState | None) -> ReceivedFrame:
+    def _keep(
+        self, header: FrameHeader, pixels: NDArray[np.float32], robot: RobotState | None, received_at_s: float | None
+    ) -> ReceivedFrame:
         """Pixels that come after their announcement belong to the epoch that began with it: others may be newer."""
         epoch = self._announced.pop(header.sha256, None) or self._begin_epoch(header.reference())
-        received_at_s = None if header.age_s is None else self.now_s() - header.age_s
         frame = ReceivedFrame(header, pixels, epoch, robot, received_at_s)
         self._frames[header.sha256] = frame
         while len(self._frames) > self._kept:
@@ -160,6 +175,11 @@ class RegistrationState:
         """The newest state of the robot."""
         with self._changed:
             return self._robot
+
+    def wait_for_robot(self) -> None:
+        """While the robot's controller does not answer, wait for its next answer: until then its pose is not known."""
+        with self._changed:
+            self._changed.wait_for(lambda: not is_unanswered(self._robot), SLOW_ANSWER_S)
 
     @property
     def newest(self) -> ImageReference | None:

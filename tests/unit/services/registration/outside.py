@@ -83,7 +83,7 @@ class Outside:
         self.clock.now_s += 1.0
 
     def robot_is(
-        self, state: MotionState = MotionState.LOCKED, pose: PlatformPoseMessage = HOME, boot: str = "robot-1"
+        self, state: MotionState = MotionState.LOCKED, pose: PlatformPoseMessage | None = HOME, boot: str = "robot-1"
     ) -> None:
         message = robot_state(state, pose, boot)
         self.bus.retained_publisher(KEYS.robot_state).put(encode(message))

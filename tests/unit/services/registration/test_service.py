@@ -2,7 +2,9 @@
 
 import base64
 import queue
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -95,6 +97,7 @@ def test_an_accepted_image_is_planned_and_verified(outside: Outside) -> None:
     eventually(lambda: "started anew since the image was made" in outside.ask_plan("one").message)
     outside.robot_is()
     eventually(lambda: outside.ask_plan("one").verdict == "accepted")
+    _assert_asked_when_the_controller_answers(outside)
     outside.clock.now_s += 600.0
     old = outside.ask_plan("one")
     assert old.code == "image_too_old"
@@ -103,6 +106,19 @@ def test_an_accepted_image_is_planned_and_verified(outside: Outside) -> None:
     eventually(lambda: outside.ask_plan("one").code == "stale")
     outside.open_case(revision=2)
     eventually(lambda: outside.ask_verification("one").code == "unknown_image")
+
+
+def _assert_asked_when_the_controller_answers(outside: Outside) -> None:
+    """Of a controller that is slow to answer."""
+    outside.robot_is(pose=None)
+    with ThreadPoolExecutor(2) as askers:
+        plan, verification = askers.submit(outside.ask_plan, "one"), askers.submit(outside.ask_verification, "one")
+        time.sleep(0.1)
+        assert not plan.done()
+        assert not verification.done()
+        outside.robot_is()
+        assert plan.result().verdict == "accepted"
+        assert verification.result().verification is not None
 
 
 def test_an_image_that_came_before_the_wires_were_known_is_verified(outside: Outside) -> None:

@@ -1,5 +1,6 @@
 """Which earlier images registration keeps and finds again, and that the head is never taken to be right unseen."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import pytest
@@ -8,14 +9,18 @@ from services.registration.core.acceptance.criteria import HeadTrouble
 from services.registration.frames import LocalisedFrame
 from services.registration.planning import head_trouble
 from services.registration.state import RegistrationState
-from shared.messages.robot import MotionState
+from shared.messages.robot import MotionState, PlatformPoseMessage, RobotState
 from shared.parts.files import sha256_of
 from tests.unit.services.registration.core.test_fusion import AMBIGUOUS, localised
-from tests.unit.services.registration.outside import BLANK, HOME, Clock, header, robot_state
+from tests.unit.services.registration.outside import BLANK, HOME, Clock, eventually, header, robot_state
 from tests.unit.services.registration.test_planning import frame
 
 AWAY = HOME.model_copy(update={"x_mm": 1.5})
 JITTER = HOME.model_copy(update={"x_mm": 0.0004})
+
+
+def _aside(x_mm: float) -> PlatformPoseMessage:
+    return HOME.model_copy(update={"x_mm": HOME.x_mm + x_mm})
 
 
 def knowing(*frames: LocalisedFrame, kept: int = 10) -> RegistrationState:
@@ -113,6 +118,15 @@ def test_an_image_that_took_long_in_imaging_is_bound_by_when_it_was_received(
     assert (robot and robot.pose and robot.pose.x_mm) == x_mm
 
 
+def _rested() -> tuple[Clock, RegistrationState]:
+    """The robot has been locked at home for ten seconds."""
+    clock = Clock(100.0)
+    state = RegistrationState("registration-1", 10, 0.5, lambda: clock.now_s)
+    state.note_robot(robot_state(MotionState.LOCKED, HOME))
+    clock.now_s = 110.0
+    return clock, state
+
+
 @pytest.mark.requirement("REG-09")
 @pytest.mark.parametrize(
     ("meanwhile", "x_mm", "bound"),
@@ -125,17 +139,39 @@ def test_an_image_that_took_long_in_imaging_is_bound_by_when_it_was_received(
 def test_a_controller_that_was_slow_to_answer_did_not_end_the_robots_rest(
     meanwhile: MotionState, x_mm: float, *, bound: bool
 ) -> None:
-    clock = Clock(100.0)
-    state = RegistrationState("registration-1", 10, 0.5, lambda: clock.now_s)
-    state.note_robot(robot_state(MotionState.LOCKED, HOME))
-    clock.now_s = 110.0
+    clock, state = _rested()
     state.note_robot(robot_state(meanwhile, None))
-    clock.now_s = 110.3
-    assert state.note_frame(header("where it is, nobody knows"), BLANK).robot is None
-    state.note_robot(robot_state(MotionState.LOCKED, HOME.model_copy(update={"x_mm": HOME.x_mm + x_mm})))
+    clock.now_s += 0.3
+    state.note_robot(robot_state(MotionState.LOCKED, _aside(x_mm)))
     assert (state.note_frame(header("at once"), BLANK).robot is not None) is bound
-    clock.now_s = 111.5
+    clock.now_s += 1.2
     assert state.note_frame(header("later"), BLANK).robot is not None
+
+
+@pytest.mark.requirement("REG-09")
+@pytest.mark.parametrize(
+    ("answer", "bound"),
+    [
+        (robot_state(MotionState.LOCKED, HOME), True),
+        (robot_state(MotionState.LOCKED, _aside(0.1)), False),
+        (robot_state(MotionState.FAULT, None), False),
+        (robot_state(MotionState.LOCKED, HOME, "robot-2"), False),
+    ],
+)
+def test_an_image_that_comes_while_the_controller_is_slow_to_answer_is_bound_by_its_answer(
+    answer: RobotState, *, bound: bool
+) -> None:
+    _, state = _rested()
+    state.note_robot(robot_state(MotionState.LOCKED, None))
+    before, image = state.epoch, header("one")
+    with ThreadPoolExecutor(1) as arrival:
+        frame = arrival.submit(state.note_frame, image, BLANK)
+        eventually(lambda: state.epoch != before)
+        assert not frame.done()
+        epoch = state.epoch
+        state.note_robot(answer)
+        assert (frame.result().robot is not None) is bound
+    assert frame.result().epoch == epoch == state.epoch
 
 
 @pytest.mark.requirement("REG-09")
