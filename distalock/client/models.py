@@ -1184,7 +1184,9 @@ class RobotState(ReceivedModel):
     stop: StopLatch
     locked: bool = Field(description="Brake on and servo off, as read back from the controller.")
     referenced: bool
-    pose: PlatformPoseMessage | None
+    pose: PlatformPoseMessage | None = Field(
+        description="Null when it is not known; in `locked` or `stopped`: the controller has not answered in the last round, and `locked` and `referenced` are not known either."
+    )
     leg_lengths_mm: tuple[float, float, float, float, float, float] | None
     pivot_mm: tuple[float, float, float]
     hexapod_sha256: str

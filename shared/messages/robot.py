@@ -51,7 +51,10 @@ class RobotState(Message):
     stop: StopLatch
     locked: bool = Field(description="Brake on and servo off, as read back from the controller.")
     referenced: bool
-    pose: PlatformPoseMessage | None
+    pose: PlatformPoseMessage | None = Field(
+        description="Null when it is not known; in `locked` or `stopped`: the controller has not answered in the last "
+        "round, and `locked` and `referenced` are not known either."
+    )
     leg_lengths_mm: tuple[Finite, Finite, Finite, Finite, Finite, Finite] | None
     pivot_mm: Vector3
     hexapod_sha256: Sha256
