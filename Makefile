@@ -22,13 +22,14 @@ COMPILED := .venv/.compiled
 PACKAGES := distalock services shared simulation baselines benchmarks tools
 CONSOLE := .venv/.console
 
-.PHONY: help setup demo test check lint console tests contract-tests e2e-tests long-tests quick-tests unit attacks fuzz examples model-check mutation faults bench lock version release containers screenshots \
+.PHONY: help setup demo test check lint console tests contract-tests e2e-tests long-tests search quick-tests unit attacks fuzz examples model-check mutation faults bench lock version release containers screenshots \
 	generated wheel-check clean
 
 help:
 	@echo "make demo    the whole procedure in the virtual operating room"
 	@echo "make test    all tests but the long ones; CI runs those and more"
 	@echo "make long-tests  those; pieces of benchmarks, and more seeds, parameters and processes"
+	@echo "make search  new examples for what is to hold for all inputs"
 	@echo "make check   lint, types, import contracts, unit tests"
 	@echo "make unit    unit tests; of one file or folder with T=tests/unit/..."
 	@echo "make attacks  tries to get past the controls of a running system, and rewrites docs/attacks.md"
@@ -106,6 +107,10 @@ e2e-tests: $(COMPILED)
 # What `make test` leaves out: pieces of benchmarks, and more seeds, parameters or processes of what a test beside shows.
 long-tests: $(COMPILED)
 	$(PYTEST) $(PARALLEL) -m long tests/accuracy tests/e2e tests/unit
+
+# New examples for what is to hold for all inputs; `make test` takes the same ones each time.
+search: $(COMPILED)
+	$(PYTEST) $(PARALLEL) --hypothesis-profile search $$(grep -rl "from hypothesis import" --include="test_*.py" tests)
 
 quick-tests: $(COMPILED)
 	$(PYTEST) $(PARALLEL) -n $(UNIT_WORKERS) -m "not long" tests/property tests/unit

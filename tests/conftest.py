@@ -16,9 +16,11 @@ for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_
 # The machine of a test may be as full as it likes; tests of that say what is full.
 os.environ.setdefault("DISTALOCK_ANNOUNCE_FREE_PERCENT", "0")
 
-# No deadlines: these machines are shared, and a slow example does not show an error of the code. Failing examples are
-# printed with what reproduces them.
-settings.register_profile("distalock", deadline=None, print_blob=True)
+# No deadlines: these machines are shared, and a slow example does not show an error of the code. The examples are the
+# same in each run: a change that fails has broken something. `make search` looks for new ones, and prints with what
+# they are reproduced.
+settings.register_profile("distalock", deadline=None, derandomize=True)
+settings.register_profile("search", deadline=None, print_blob=True, max_examples=1000)
 settings.load_profile("distalock")
 
 
