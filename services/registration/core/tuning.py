@@ -698,6 +698,8 @@ class GuideAsBuilt:
     least_freedom: int = tuned(6, "1", "degrees of freedom without which none is", derived("six balls"))
     most_rounds: int = tuned(6, "1", "measurements in wider surroundings", _AS_BUILT)
     grown: float = tuned(1.05, "times", "growth of the surroundings without which none follows", _AS_BUILT)
+    beside_mm: float = tuned(1.0, "mm", "reach of discs beside balls", derived("three times the largest spread"))
+    certain_deviations: float = tuned(5.0, "sd", "of a disc that is beside its ball for certain", _AS_BUILT)
     explained_by_planes: float = tuned(0.5, "1", "share of chi-square for which planes are named", _INSPECTION)
     other_ring: float = tuned(0.2, "1", "prior probability that the ring's plates are not apart as filed", _OTHER_RING)
     other_ring_sd: float = tuned(0.03, "1", "of the focal length that they then give, relative", _OTHER_RING)

@@ -105,6 +105,35 @@ def displacement_sd_mm(
     return float(brentq(lambda spread_mm: excess(spread_mm) - 1.0, 0.0, _LARGEST_MM, xtol=1e-4))
 
 
+def beside_px2(
+    predicted_px: NDArray[np.float64],
+    used: NDArray[np.bool_],
+    disc_px: NDArray[np.float64],
+    disc_sd_px: NDArray[np.float64],
+    reach_px: float,
+) -> NDArray[np.float64]:
+    """Squared distances from where balls are predicted that no fit used to the sharp discs beside them, shape (K,).
+
+    They are displaced farther than was looked for. Left out, the nearer ones make the guide look better than it is.
+
+    Parameters
+    ----------
+    predicted_px, used
+        Of all balls, ideal pixels, shape (N, 2), and whether the fit used them, shape (N,).
+    disc_px, disc_sd_px
+        Centres of discs that may be balls of the guide, ideal pixels, shape (D, 2), and their errors, shape (D,).
+    reach_px
+        Farther discs are others.
+    """
+    if not len(disc_px):
+        return np.empty(0)
+    apart2 = np.sum((predicted_px[:, None] - disc_px[None]) ** 2, axis=2)
+    own = np.argmin(apart2, axis=0)[None] == np.arange(len(predicted_px))[:, None]
+    certain = apart2 > (GUIDE_AS_BUILT.certain_deviations * disc_sd_px) ** 2
+    nearest = np.where(own & certain & (apart2 < reach_px**2), apart2, np.inf).min(axis=1)
+    return np.asarray(nearest[~used & np.isfinite(nearest)])
+
+
 def focal_length_of(
     camera: PinholeCamera,
     camera_from_body: Transform[Camera, Body],

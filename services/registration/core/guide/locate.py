@@ -18,6 +18,7 @@ from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.estimation.shared_image_errors import fit_with_shared_errors
 from services.registration.core.guide.as_built import (
     FocalLength,
+    beside_px2,
     displacement_sd_mm,
     focal_length_of,
     px_per_mm,
@@ -137,7 +138,7 @@ def _fitted_as_built(image: GuideImage, named: Named) -> GuideFit | Rejected:
     for _ in range(GUIDE_AS_BUILT.most_rounds):
         if isinstance(fit, Rejected):
             break
-        before_px, displaced_px = displaced_px, _displacement_sd_px(image.calibration, fit)
+        before_px, displaced_px = displaced_px, _displacement_sd_px(image.calibration, image.guide, fit)
         grown = predicted_within_px(image, displaced_px) / predicted_within_px(image, before_px)
         if grown < GUIDE_AS_BUILT.grown:
             break
@@ -156,10 +157,21 @@ def _fitted(image: GuideImage, measured: Measured, named: Named) -> GuideFit | R
     return _guide_fit(image.calibration, image.guide, pose, seen, used, named.margin)
 
 
-def _displacement_sd_px(calibration: CArmCalibration, fit: GuideFit) -> float:
-    """By how many pixels the balls lie beside their filed places."""
-    middle_mm = np.zeros((1, 3))
-    return fit.displacement_sd_mm * float(px_per_mm(calibration.camera, fit.camera_from_guide, middle_mm)[0])
+def _displacement_sd_px(calibration: CArmCalibration, guide: GuidePart, fit: GuideFit) -> float:
+    """By how many pixels the balls lie beside their filed places, those included that were not found for that."""
+    if fit.displacement_sd_mm == 0.0:
+        return 0.0
+    middle_mm, discs = np.zeros((1, 3)), candidate_discs(calibration, guide)
+    scale = float(px_per_mm(calibration.camera, fit.camera_from_guide, middle_mm)[0])
+    beside = beside_px2(
+        calibration.camera.project(fit.camera_from_guide.points(guide.balls.position_mm)),
+        fit.used,
+        calibration.distortion.undistort(calibration.balls.centre_px[discs]),
+        calibration.balls.standard_deviation_px[discs],
+        GUIDE_AS_BUILT.beside_mm * scale,
+    )
+    per_axis = fit.balls_found * (fit.displacement_sd_mm * scale) ** 2 + 0.5 * float(beside.sum())
+    return float(np.sqrt(per_axis / (fit.balls_found + len(beside))))
 
 
 def needed_balls(count: int) -> int:

@@ -84,7 +84,8 @@ def measured_displaced(image: GuideImage, pose: Transform[Camera, Guide], displa
     seen, and the others make the displacement look small.
     """
     usual = _settings(image.calibration, GUIDE_MEASUREMENT.drift_px)
-    return _measured_and_fitted(image, pose, replace(usual, drift_px=predicted_within_px(image, displacement_sd_px)))
+    wide = replace(usual, drift_px=predicted_within_px(image, displacement_sd_px))
+    return _measured_and_fitted(image, pose, wide, displacement_sd_px)
 
 
 def predicted_within_px(image: GuideImage, displacement_sd_px: float) -> float:
@@ -101,14 +102,17 @@ def _settings(calibration: CArmCalibration, drift_px: float) -> MeasurementSetti
     )
 
 
-def _measured_and_fitted(image: GuideImage, pose: Transform[Camera, Guide], settings: MeasurementSettings) -> Measured:
-    """Measure, then fit and leave out outliers until none is left."""
+def _measured_and_fitted(
+    image: GuideImage, pose: Transform[Camera, Guide], settings: MeasurementSettings, displacement_sd_px: float = 0.0
+) -> Measured:
+    """Measure, then fit and leave out outliers until none is left: balls farther off than measured and displaced."""
     camera = image.calibration.camera
     balls, alone = _measured(image, pose, settings)
     candidates = balls.seen & alone
     seen = _correspondences(image.calibration, image.guide, balls, pose)
     seen_px = np.where(balls.seen[:, None], balls.centre_px, 0.0)
-    total_sd_px = np.hypot(seen.standard_deviation_px, image.calibration.distortion.standard_deviation_at(seen_px))
+    of_distortion_px = image.calibration.distortion.standard_deviation_at(seen_px)
+    total_sd_px = np.hypot(np.hypot(seen.standard_deviation_px, of_distortion_px), displacement_sd_px)
     of_both = Correspondences(seen.body_mm, seen.ideal_px, total_sd_px)
     used = candidates
     for _ in range(GUIDE_MEASUREMENT.most_rounds):

@@ -8,7 +8,13 @@ from numpy.typing import NDArray
 
 from services.registration.core.estimation.image_points import Correspondences, refine_pose
 from services.registration.core.estimation.shared_image_errors import fit_with_shared_errors
-from services.registration.core.guide.as_built import FocalLength, displacement_sd_mm, focal_length_of, px_per_mm
+from services.registration.core.guide.as_built import (
+    FocalLength,
+    beside_px2,
+    displacement_sd_mm,
+    focal_length_of,
+    px_per_mm,
+)
 from services.registration.core.tuning import GUIDE_AS_BUILT
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide
@@ -99,3 +105,14 @@ def test_balls_in_one_plane_across_the_beam_give_no_focal_length() -> None:
     assert (found.excess, found.standard_deviation) == (0.0, np.inf)
     not_checked = np.sqrt(GUIDE_AS_BUILT.other_ring) * GUIDE_AS_BUILT.other_ring_sd
     assert found.conflict(0.01) == pytest.approx(not_checked)
+
+
+def test_discs_beside_balls_are_those_of_balls_that_no_fit_used() -> None:
+    predicted = np.array([[0.0, 0.0], [20.0, 0.0], [40.0, 0.0], [60.0, 0.0], [80.0, 0.0]])
+    used = np.array([False, True, False, False, False])
+    disc = np.array([[3.0, 4.0], [0.0, -6.0], [22.0, 0.0], [40.0, 0.4], [60.0, 9.0]])
+    # of the first ball's two the nearer one; the second is used, the third's may be in its place, the fourth's is too
+    # far away, the fifth has none
+    found = beside_px2(predicted, used, disc, np.full(5, 0.1), reach_px=8.0)
+    assert found.tolist() == [25.0]
+    assert len(beside_px2(predicted, used, np.empty((0, 2)), np.empty(0), reach_px=8.0)) == 0

@@ -51,7 +51,7 @@ def axis_sd_deg(found: ImageFit) -> float:
         pytest.param(0.025, (0.0, 0.05), marks=pytest.mark.long),
         pytest.param(0.025, (0.0, -0.05), marks=pytest.mark.long),
         pytest.param(-0.015, (0.0, 0.0), marks=pytest.mark.long),
-        (0.0, (0.03, 0.0)),
+        pytest.param(0.0, (0.03, 0.0), marks=pytest.mark.long),
     ],
 )
 def test_what_the_holes_hold_turns_the_nail_by_no_more_than_is_predicted(

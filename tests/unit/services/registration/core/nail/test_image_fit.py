@@ -93,7 +93,7 @@ def test_a_nail_that_is_bent_otherwise_nearly_as_well_makes_the_axes_uncertain(
     [
         ("Ti6Al4V", "steel", "the material in its file attenuates"),
         ("Ti6Al4V", "Ti6Al4V", None),
-        ("steel", "steel", None),
+        pytest.param("steel", "steel", None, marks=pytest.mark.long),
     ],
 )
 def test_a_nail_of_another_metal_than_its_files_is_named(material: Metal, filed: Metal, words: str | None) -> None:

@@ -101,7 +101,7 @@ def measured(curvature_per_m: tuple[float, float]) -> NailFit:
     return found.value
 
 
-@pytest.mark.parametrize("curvature", [(1.0, -1.5), (-0.8, 1.0)])
+@pytest.mark.parametrize("curvature", [(1.0, -1.5), pytest.param((-0.8, 1.0), marks=pytest.mark.long)])
 def test_the_curvature_of_a_bent_nail_is_found(curvature: tuple[float, float], monkeypatch: pytest.MonkeyPatch) -> None:
     # parts of this simple drawing disagree: it has one energy and no penumbra
     monkeypatch.setattr(nail_fit, "BENT_NAIL", replace(BENT_NAIL, largest_error_ratio=np.inf))
