@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from services.registration.core.estimation.image_points import Correspondences, pose_covariance, residuals_px
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.guide.as_built import focal_length_of
-from services.registration.core.guide.identity import GuideIdentity
-from services.registration.core.guide.locate import GuideFit, needed_balls
+from services.registration.core.guide.identity import GuideIdentity, needed_balls
+from services.registration.core.guide.locate import GuideFit
 from services.registration.core.guide.search import search_guide
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration

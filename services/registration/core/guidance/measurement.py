@@ -26,8 +26,7 @@ from services.registration.core.estimation.image_points import (
 )
 from services.registration.core.estimation.pose_estimate import POSE_SIZE, PoseEstimate, model_covariance
 from services.registration.core.guide.as_built import px_per_mm
-from services.registration.core.guide.identity import DiscMap, refined_identity
-from services.registration.core.guide.locate import needed_balls
+from services.registration.core.guide.identity import DiscMap, needed_balls, refined_identity
 from services.registration.core.nail.covariance import nail_pose_covariance
 from services.registration.core.nail.evidence import hole_views, residual_statistics
 from services.registration.core.nail.forward_model import reduced_model

@@ -1,4 +1,4 @@
-"""A hypothesis of which discs are which balls of the guide, and its refinement on the discs nearest to the balls."""
+"""Which discs may be balls of the guide, a hypothesis of which are which, and its refinement on the nearest discs."""
 
 from dataclasses import dataclass
 
@@ -6,10 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from services.registration.core.acceptance.criteria import GUIDE_BALLS, GUIDE_SHARE
 from services.registration.core.estimation.image_points import Correspondences, Pose, observed, refined
-from services.registration.core.tuning import GUIDE_IDENTIFICATION
+from services.registration.core.tuning import GUIDE_CANDIDATES, GUIDE_IDENTIFICATION
+from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide
+from shared.geometry.parts import GuidePart
 from shared.geometry.transform import Transform
 from shared.xray.assignment import nearest_to_each
 from shared.xray.pixel_scale import pixels
@@ -90,3 +93,20 @@ def _assigned(
     near = np.flatnonzero(np.isfinite(distance))
     ball = np.sort(near[nearest_to_each(disc[near], distance[near])])
     return ball, np.asarray(disc[ball], dtype=np.int64)
+
+
+def needed_balls(count: int) -> int:
+    """How many of a guide's balls must be found: twelve, and two in five; guides with few balls need all but two."""
+    return min(max(int(GUIDE_BALLS.limit.value), int(np.ceil(GUIDE_SHARE.limit.value * count))), max(count - 2, 4))
+
+
+def candidate_discs(calibration: CArmCalibration, guide: GuidePart) -> NDArray[np.int64]:
+    """Indices of the discs that may be guide balls: not the ring's, of a possible size, the sharpest first."""
+    balls = calibration.balls
+    f, radius_mm = calibration.camera.focal_length_px, 0.5 * guide.balls.diameter_mm
+    smallest = GUIDE_CANDIDATES.least_radius * f * float(radius_mm.min()) / GUIDE_CANDIDATES.greatest_depth_mm
+    largest = GUIDE_CANDIDATES.greatest_radius * f * float(radius_mm.max()) / GUIDE_CANDIDATES.least_depth_mm
+    possible = (balls.ring_index == NOT_OF_THE_RING) & (balls.radius_px > smallest) & (balls.radius_px < largest)
+    index = np.flatnonzero(possible)
+    clear_first = np.argsort(balls.standard_deviation_px[index], kind="stable")
+    return index[clear_first[: GUIDE_CANDIDATES.most_discs]]

@@ -11,7 +11,6 @@ from services.registration.core.acceptance.criteria import (
     GUIDE_FOCAL_LENGTH,
     GUIDE_IDENTITY,
     GUIDE_MARGIN,
-    GUIDE_SHARE,
 )
 from services.registration.core.estimation.image_points import Correspondences, reprojection_rms_px
 from services.registration.core.estimation.pose_estimate import PoseEstimate
@@ -23,7 +22,7 @@ from services.registration.core.guide.as_built import (
     focal_length_of,
     px_per_mm,
 )
-from services.registration.core.guide.identity import GuideIdentity
+from services.registration.core.guide.identity import GuideIdentity, candidate_discs, needed_balls
 from services.registration.core.guide.lag import lag_px
 from services.registration.core.guide.measure import (
     GuideImage,
@@ -35,9 +34,9 @@ from services.registration.core.guide.measure import (
     shrinkage,
 )
 from services.registration.core.guide.search import search_guide
-from services.registration.core.tuning import GUIDE_AS_BUILT, GUIDE_CANDIDATES, GUIDE_MEASUREMENT
+from services.registration.core.tuning import GUIDE_AS_BUILT, GUIDE_MEASUREMENT
 from shared.errors import Accepted, Reason, Rejected
-from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
+from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.lines import read_only
 from shared.geometry.parts import GuidePart, RingPart
@@ -172,23 +171,6 @@ def _displacement_sd_px(calibration: CArmCalibration, guide: GuidePart, fit: Gui
     )
     per_axis = fit.balls_found * (fit.displacement_sd_mm * scale) ** 2 + 0.5 * float(beside.sum())
     return float(np.sqrt(per_axis / (fit.balls_found + len(beside))))
-
-
-def needed_balls(count: int) -> int:
-    """How many of a guide's balls must be found: twelve, and two in five; guides with few balls need all but two."""
-    return min(max(int(GUIDE_BALLS.limit.value), int(np.ceil(GUIDE_SHARE.limit.value * count))), max(count - 2, 4))
-
-
-def candidate_discs(calibration: CArmCalibration, guide: GuidePart) -> NDArray[np.int64]:
-    """Indices of the discs that may be guide balls: not the ring's, of a possible size, the sharpest first."""
-    balls = calibration.balls
-    f, radius_mm = calibration.camera.focal_length_px, 0.5 * guide.balls.diameter_mm
-    smallest = GUIDE_CANDIDATES.least_radius * f * float(radius_mm.min()) / GUIDE_CANDIDATES.greatest_depth_mm
-    largest = GUIDE_CANDIDATES.greatest_radius * f * float(radius_mm.max()) / GUIDE_CANDIDATES.least_depth_mm
-    possible = (balls.ring_index == NOT_OF_THE_RING) & (balls.radius_px > smallest) & (balls.radius_px < largest)
-    index = np.flatnonzero(possible)
-    clear_first = np.argsort(balls.standard_deviation_px[index], kind="stable")
-    return index[clear_first[: GUIDE_CANDIDATES.most_discs]]
 
 
 def _margin(identities: list[GuideIdentity]) -> int:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.guide import search
-from services.registration.core.guide.locate import GuideFit, locate_guide, needed_balls
+from services.registration.core.guide.identity import needed_balls
+from services.registration.core.guide.locate import GuideFit, locate_guide
 from services.registration.core.guide.search import search_guide, vote
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
