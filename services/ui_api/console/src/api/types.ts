@@ -9,6 +9,7 @@ export type LocalisationView = Schemas["LocalisationView"];
 export type PlanView = Schemas["PlanView"];
 export type VerificationView = Schemas["VerificationView"];
 export type RobotView = Schemas["RobotView"];
+export type RobotState = NonNullable<RobotView["state"]>;
 export type OperationView = Schemas["OperationView"];
 export type AlignmentView = Schemas["AlignmentView"];
 export type GuidanceView = Schemas["GuidanceView"];

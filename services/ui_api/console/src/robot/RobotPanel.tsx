@@ -1,5 +1,5 @@
 import { useTranslation } from "react-i18next";
-import type { RobotSnapshot } from "../api/types";
+import type { RobotSnapshot, RobotState } from "../api/types";
 import { ageNow } from "../state/connection";
 import { useNow } from "../state/useNow";
 
@@ -26,18 +26,7 @@ export default function RobotPanel({ robot, isLive }: Props) {
           : t("robot.not_live", { state: t(`robot.state.${state.state}`) })}
         <small>{age === null ? t("robot.age_unknown") : t("robot.age", { s: age.toFixed(1) })}</small>
       </h2>
-      <ul className="flags">
-        <Flag good={state.locked}>{t(state.locked ? "robot.locked" : "robot.not_locked")}</Flag>
-        <Flag good={state.referenced}>
-          {t(state.referenced ? "robot.referenced" : "robot.not_referenced")}
-        </Flag>
-        <Flag good={state.stop === "clear"}>{t(`robot.stop.${state.stop}`)}</Flag>
-        {state.stop_button !== undefined && (
-          <Flag good={state.stop_button !== "pressed" && state.stop_button !== "released"}>
-            {t(`robot.stop_button.${state.stop_button}`)}
-          </Flag>
-        )}
-      </ul>
+      <Flags state={state} />
       {state.pose && (
         <dl className="pose">
           {Object.entries(state.pose).map(([name, value]) => (
@@ -51,6 +40,35 @@ export default function RobotPanel({ robot, isLive }: Props) {
       {state.detail && <p className="hint">{state.detail}</p>}
     </section>
   );
+}
+
+function Flags({ state }: { readonly state: RobotState }) {
+  const { t } = useTranslation();
+  return (
+    <ul className="flags">
+      {isUnanswered(state) ? (
+        <Flag good={false}>{t("robot.unanswered")}</Flag>
+      ) : (
+        <>
+          <Flag good={state.locked}>{t(state.locked ? "robot.locked" : "robot.not_locked")}</Flag>
+          <Flag good={state.referenced}>
+            {t(state.referenced ? "robot.referenced" : "robot.not_referenced")}
+          </Flag>
+        </>
+      )}
+      <Flag good={state.stop === "clear"}>{t(`robot.stop.${state.stop}`)}</Flag>
+      {state.stop_button !== undefined && (
+        <Flag good={state.stop_button !== "pressed" && state.stop_button !== "released"}>
+          {t(`robot.stop_button.${state.stop_button}`)}
+        </Flag>
+      )}
+    </ul>
+  );
+}
+
+/** Whether the controller is slow to answer: neither brakes nor reference are known then, and nothing has changed. */
+function isUnanswered(state: RobotState): boolean {
+  return (state.state === "locked" || state.state === "stopped") && state.pose === null;
 }
 
 function Flag({ good, children }: { readonly good: boolean; readonly children: React.ReactNode }) {
