@@ -57,7 +57,8 @@ def outside() -> Iterator[Outside]:
 
 
 @pytest.mark.requirement("REG-10")
-def test_an_accepted_image_is_planned_and_verified(outside: Outside) -> None:
+def test_an_accepted_image_is_planned_and_verified(outside: Outside, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.registration.state.SLOW_ANSWER_S", PATIENCE_S)
     pixels, view = rendered(Shown(), seed=1)
     outside.robot_rests()
     outside.open_case()

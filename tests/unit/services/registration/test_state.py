@@ -12,7 +12,7 @@ from services.registration.state import RegistrationState
 from shared.messages.robot import MotionState, PlatformPoseMessage, RobotState
 from shared.parts.files import sha256_of
 from tests.unit.services.registration.core.test_fusion import AMBIGUOUS, localised
-from tests.unit.services.registration.outside import BLANK, HOME, Clock, eventually, header, robot_state
+from tests.unit.services.registration.outside import BLANK, HOME, PATIENCE_S, Clock, eventually, header, robot_state
 from tests.unit.services.registration.test_planning import frame
 
 AWAY = HOME.model_copy(update={"x_mm": 1.5})
@@ -159,8 +159,9 @@ def test_a_controller_that_was_slow_to_answer_did_not_end_the_robots_rest(
     ],
 )
 def test_an_image_that_comes_while_the_controller_is_slow_to_answer_is_bound_by_its_answer(
-    answer: RobotState, *, bound: bool
+    answer: RobotState, monkeypatch: pytest.MonkeyPatch, *, bound: bool
 ) -> None:
+    monkeypatch.setattr("services.registration.state.SLOW_ANSWER_S", PATIENCE_S)
     _, state = _rested()
     state.note_robot(robot_state(MotionState.LOCKED, None))
     before, image = state.epoch, header("one")
@@ -172,6 +173,15 @@ def test_an_image_that_comes_while_the_controller_is_slow_to_answer_is_bound_by_
         state.note_robot(answer)
         assert (frame.result().robot is not None) is bound
     assert frame.result().epoch == epoch == state.epoch
+
+
+@pytest.mark.requirement("REG-09")
+def test_an_image_is_bound_to_no_pose_when_the_controller_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.registration.state.SLOW_ANSWER_S", 0.01)
+    _, state = _rested()
+    state.note_robot(robot_state(MotionState.LOCKED, None))
+    assert state.note_frame(header("one"), BLANK).robot is None
+    assert state.epoch == "registration-1.1"
 
 
 @pytest.mark.requirement("REG-09")
