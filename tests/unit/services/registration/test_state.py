@@ -8,7 +8,8 @@ import pytest
 from services.registration.core.acceptance.criteria import HeadTrouble
 from services.registration.frames import LocalisedFrame
 from services.registration.planning import head_trouble
-from services.registration.state import RegistrationState
+from services.registration.state import SLOW_ANSWER_S, RegistrationState
+from services.robot.core.tuning import RATES
 from shared.messages.robot import MotionState, PlatformPoseMessage, RobotState
 from shared.parts.files import sha256_of
 from tests.unit.services.registration.core.test_fusion import AMBIGUOUS, localised
@@ -173,6 +174,10 @@ def test_an_image_that_comes_while_the_controller_is_slow_to_answer_is_bound_by_
         state.note_robot(answer)
         assert (frame.result().robot is not None) is bound
     assert frame.result().epoch == epoch == state.epoch
+
+
+def test_a_slow_controller_is_waited_for_until_its_robot_would_be_in_fault() -> None:
+    assert RATES.silence_at_rest_s < SLOW_ANSWER_S
 
 
 @pytest.mark.requirement("REG-09")

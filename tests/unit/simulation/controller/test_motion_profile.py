@@ -3,7 +3,7 @@
 from itertools import pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from simulation.controller.motion_profile import rest_to_rest, to_rest
@@ -36,6 +36,7 @@ def test_coming_to_rest_takes_speed_squared_over_twice_the_deceleration() -> Non
 
 
 @given(st.floats(1e-3, 1e3), st.floats(1e-3, 10.0), st.lists(st.floats(0.0, 1.0), min_size=2, max_size=8))
+@example(987.0, 1.609375, [1.0, 0.9999999999999999])
 def test_moves_never_go_back_and_end_where_they_should(cruise: float, ramp_s: float, moments: list[float]) -> None:
     profile = rest_to_rest(cruise, ramp_s)
     shares = [profile.at(m * profile.duration_s).share for m in sorted(moments)]
