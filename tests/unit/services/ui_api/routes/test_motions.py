@@ -181,7 +181,7 @@ def test_a_controller_that_was_slow_to_answer_makes_no_plan_stale(room: Room) ->
     room.robot.say(MotionState.LOCKED, locked=False, referenced=False, pose=None)
     room.log.wait_for_event(lambda e: getattr(e.data, "referenced", True) is False)
     room.robot.say(MotionState.LOCKED)
-    _move(room, case_id, plan)
+    room.wait_for_status(_move(room, case_id, plan), "running")
     assert len(room.robot.moves) == 1
 
 
