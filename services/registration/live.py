@@ -28,6 +28,7 @@ from services.registration.frames import (
     OpenCase,
     ReceivedFrame,
     calibration_of,
+    is_unanswered,
     pose_at_rest,
     same_place,
     set_up_of,
@@ -174,6 +175,9 @@ class LiveGuidance:
         frame = self._state.wait_for_frame(message.image.sha256, _PIXELS_S)
         if case is None or frame is None:
             self._unseen += 1  # the set-up has changed, or newer frames have pushed this one out
+            return
+        if is_unanswered(self._state.robot):
+            self._unseen += 1  # whether the guide was moved is not known yet: the track waits for the answer
             return
         with self._lock:
             run = self._run_of(case)

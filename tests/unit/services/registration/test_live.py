@@ -65,6 +65,7 @@ class CArm:
             positioner_primary_angle_deg=85.0,
             positioner_secondary_angle_deg=3.0,
             run_interval_s=RUN_INTERVAL_S if in_run else None,
+            age_s=0.0,
         )
         message = CalibrationMessage(
             image=header.reference(),
@@ -81,17 +82,20 @@ class CArm:
         self.bus.retained_publisher(KEYS.calibration).put(encode(message))
         return self.sequence
 
-    def robot_rests_at(self, x_mm: float) -> None:
-        """The robot is heard of, and stands somewhere."""
+    def robot_rests_at(self, x_mm: float | None) -> None:
+        """The robot is heard of, and stands somewhere; None while its controller has not answered."""
+        answers = x_mm is not None
         state = RobotState(
             boot_epoch="robot-1",
             sequence=1,
             sent_at_ns=0,
             state=MotionState.LOCKED,
             stop=StopLatch.CLEAR,
-            locked=True,
-            referenced=True,
-            pose=PlatformPoseMessage(x_mm=x_mm, y_mm=0.0, z_mm=0.0, u_deg=0.0, v_deg=0.0, w_deg=0.0),
+            locked=answers,
+            referenced=answers,
+            pose=PlatformPoseMessage(x_mm=x_mm, y_mm=0.0, z_mm=0.0, u_deg=0.0, v_deg=0.0, w_deg=0.0)
+            if answers
+            else None,
             leg_lengths_mm=None,
             pivot_mm=(0.0, 0.0, 0.0),
             hexapod_sha256=sha256_of(HEXAPOD_JSON.encode()),
@@ -106,7 +110,7 @@ class CArm:
 @pytest.fixture
 def c_arm() -> Iterator[CArm]:
     router = MemoryRouter()
-    settings = RegistrationSettings(live_check_every_s=600.0)
+    settings = RegistrationSettings(live_check_every_s=600.0, image_delay_s=0.0)
     state = RegistrationState("registration-1", settings.kept_images, settings.image_delay_s, lambda: 100.0)
     with router.open() as bus:
         seen = CArm(bus, queue.Queue(), queue.Queue(), state)
@@ -163,6 +167,22 @@ def test_a_run_without_a_key_says_that_it_waits(c_arm: CArm) -> None:
     assert (word.image.sequence, word.verdict) == (frame, "rejected")
     assert word.reasons[0].code is ReasonCode.NAIL_NOT_FOUND
     assert "hold the C-arm still" in word.reasons[0].message
+
+
+def test_a_controller_that_is_slow_to_answer_costs_no_track(c_arm: CArm) -> None:
+    pixels, calibration = still_picture()
+    c_arm.robot_rests_at(x_mm=0.0)
+    c_arm.shows(pixels, calibration, in_run=False)
+    assert c_arm.next_word().verdict == "accepted"
+    c_arm.robot_rests_at(x_mm=None)
+    c_arm.shows(pixels, calibration, in_run=True)
+    with pytest.raises(queue.Empty):
+        c_arm.words.get(timeout=2.0)
+    c_arm.robot_rests_at(x_mm=0.0)
+    frame = c_arm.shows(pixels, calibration, in_run=True)
+    word = c_arm.next_word()
+    assert (word.image.sequence, word.verdict, word.origin) == (frame, "accepted", "followed"), word.reasons
+    assert word.skipped == 1
 
 
 def test_a_key_is_worth_nothing_once_the_robot_has_moved(c_arm: CArm) -> None:
