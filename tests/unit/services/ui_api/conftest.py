@@ -5,7 +5,17 @@ from pathlib import Path
 
 import pytest
 
+from services.ui_api.access import passwords
 from tests.unit.services.ui_api.room import Room, open_room
+
+
+@pytest.fixture(scope="session", autouse=True)
+def fast_passwords() -> Iterator[None]:
+    """Hashes that are as fast as they can be: how slow they are in use is no matter of most tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(passwords, "_PASSES", 1)
+        patch.setattr(passwords, "_MEMORY_KIB", 8)
+        yield
 
 
 @pytest.fixture
