@@ -21,6 +21,7 @@ SEEDS = range(7000, 7004)
 
 @pytest.mark.requirement("REG-01")
 @pytest.mark.slow
+@pytest.mark.long
 def test_random_scenes_are_localised_or_refused_but_never_wrong() -> None:
     found = statistics(SEEDS)
     print(f"seeds {SEEDS}: {found}")
@@ -39,6 +40,7 @@ def test_random_scenes_are_localised_or_refused_but_never_wrong() -> None:
 # Its bend undoes the divergence of the rays: it was taken for a straight nail of the reflected tilt, 20° off.
 @pytest.mark.requirement("REG-02")
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_nail_that_is_bent_as_the_rays_diverge_is_not_taken_for_its_straight_reflection() -> None:
     codes, holes = localised(make_scene("bent_300_to_700", 65723))
     print(codes, holes)

@@ -69,7 +69,10 @@ def errors(kind: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "median_mm", "largest_mm", "normalised_rms", "normalised_largest"),
-    [("pair", 0.14, 0.32, (0.76, 1.71), 3.2), ("lateral", 0.49, 1.30, (0.47, 1.07), 1.8)],
+    [
+        pytest.param("pair", 0.14, 0.32, (0.76, 1.71), 3.2, marks=pytest.mark.long),
+        ("lateral", 0.49, 1.30, (0.47, 1.07), 1.8),
+    ],
 )
 def test_errors_are_as_large_as_predicted(
     kind: str, median_mm: float, largest_mm: float, normalised_rms: tuple[float, float], normalised_largest: float

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from benchmarks.faults.process_loss import INSTALLATION, SIGNALS, Site, lose, services_site, up_site
+from benchmarks.faults.process_loss import INSTALLATION, Site, lose, services_site, up_site
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(600)]
 
@@ -22,7 +22,7 @@ def services(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
 
 
 @pytest.mark.requirement("ROB-07")
-@pytest.mark.parametrize("number", SIGNALS)
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGKILL, marks=pytest.mark.long), signal.SIGSTOP])
 def test_a_robot_service_that_is_lost_in_motion_leaves_the_robot_locked(services: Site, number: signal.Signals) -> None:
     loss = lose(services, "robot", number)
     print(loss)

@@ -175,8 +175,11 @@ def refused(shot: Shot, nail: NailPart, start: Transform[Camera, Nail], occluder
 @pytest.mark.requirement("REG-03")
 @pytest.mark.parametrize(
     "wrong",
-    [nail_part("steel", 13.0, 6.0), nail_part("steel", 12.0, 5.5), nail_part("steel", 12.0, 6.6)],
-    ids=["wider nail", "smaller holes", "larger holes"],
+    [
+        pytest.param(nail_part("steel", 13.0, 6.0), id="wider nail"),
+        pytest.param(nail_part("steel", 12.0, 5.5), id="smaller holes"),
+        pytest.param(nail_part("steel", 12.0, 6.6), id="larger holes", marks=pytest.mark.long),
+    ],
 )
 def test_another_nail_than_the_files_is_refused(wrong: NailPart) -> None:
     shot = tilted_shot()
@@ -226,6 +229,7 @@ def with_wire(shot: Shot, beside_hole_px: float) -> Shot:
 
 
 @pytest.mark.requirement("REG-05")
+@pytest.mark.long
 def test_an_evident_object_is_left_out_also_where_the_fit_would_be_accepted_with_it() -> None:
     shot = with_wire(tilted_shot(), 30.0)
     outcome = accepted(shot, start_beside(shot.camera_from_nail, np.random.default_rng(3)))

@@ -55,6 +55,7 @@ def test_balls_appear_where_the_truth_says() -> None:
     assert np.abs(errors).max() < 0.016  # measured: 0.011
 
 
+@pytest.mark.long
 def test_distortion_moves_balls_as_the_truth_says() -> None:
     bent = Intensifier(280.0, 0.02, 0.8, 0.5, 440.0, 1.0, 0.4, (2.0, -1.5), 480.0, 0.0)
     scenario = replace(rooms.scenario(seed=3, size_px=1024), detector=bent)

@@ -15,7 +15,7 @@ from simulation.scenario.sampling import scenario_of_seed
 from simulation.scenario.values import Scenario
 from simulation.world.poses import World, WorldState, starting_state, world_at
 
-SIZE_PX = 256
+SIZE_PX = 128
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ NAIL = nail_part(material="Ti6Al4V")
 
 
 @cache
-def fitted(per_mm: float, rise: tuple[float, float] = (0.0, 0.0)) -> ImageFit:
+def fitted(per_mm: float, rise: tuple[float, float]) -> ImageFit:
     """The fit of a titanium nail whose holes hold something, towards one wall more by a rise."""
     view = calibration(SIZE_PX)
     scene = Scene(SIZE_PX, NAIL, CAMERA_FROM_NAIL, hole_content_per_mm=per_mm, content_rise=rise)
@@ -66,7 +66,7 @@ def test_what_the_holes_hold_turns_the_nail_by_no_more_than_is_predicted(
     ("per_mm", "expected"), [(0.0, 10.0), (0.06, 40.0), pytest.param(-0.05, 40.0, marks=pytest.mark.long)]
 )
 def test_the_background_is_as_loose_about_the_holes_as_the_image_shows(per_mm: float, expected: float) -> None:
-    problem = fitted(per_mm).end.problem
+    problem = fitted(per_mm, (0.0, 0.0)).end.problem
     of_field = problem.field.roughness
     (found,) = (f for f in HOLE_CONTENT.looser if np.array_equal(loosened(problem, f).field.roughness, of_field))
     assert found == expected

@@ -76,6 +76,7 @@ def test_the_start_is_near_though_wires_cover_the_holes() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_nail_behind_wires_is_as_accurate_as_predicted() -> None:
     found = localise_nail_with_wires(registered(lateral_pixels()), PARTS, None, WIRE_DIAMETER_MM)
     assert isinstance(found, Accepted), found
