@@ -16,7 +16,7 @@ from benchmarks.robustness.around import Around
 from benchmarks.robustness.command import RobustnessBench, run_bench
 from benchmarks.robustness.held_out import clamp, drill_over_rim, lead_letter
 from benchmarks.robustness.held_out_metal import blocking_screw, cerclage_wires, fixator_pins, pellets, skin_staples
-from benchmarks.robustness.hole_filling import drilled_bone, filled_holes, half_filled_holes
+from benchmarks.robustness.hole_filling import drilled_bone, drilled_filling, filled_holes, half_filled_holes
 from benchmarks.robustness.kinds import Kind, first_line, held_out, rendered_kind
 from benchmarks.robustness.objects import (
     Objects,
@@ -236,7 +236,8 @@ def _kind(draw: Draw) -> Kind:
 
 
 _FILLINGS: tuple[Kind, ...] = tuple(
-    rendered_kind(scene, scene.__name__, first_line(scene)) for scene in (filled_holes, half_filled_holes, drilled_bone)
+    rendered_kind(scene, scene.__name__, first_line(scene))
+    for scene in (filled_holes, half_filled_holes, drilled_bone, drilled_filling)
 )
 KINDS: tuple[Kind, ...] = (*map(_kind, DRAWS), *_FILLINGS, *(held_out(_kind(draw)) for draw in _HELD_OUT))
 BENCH = RobustnessBench("foreign_objects", "images with things in the way of the beam", KINDS)

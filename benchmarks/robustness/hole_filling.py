@@ -16,6 +16,10 @@ from simulation.world.poses import starting_state, world_at
 # Steel over the whole depth: 0.18 mm absorb at 60 keV what 12 mm of bone do beyond as much soft tissue.
 _STEEL_MM = (0.03, 0.25)
 _FOILS, _STRIPS, _DEPTH_SHARE = 5, 14, 0.7
+# Where a channel cuts them: more strips, for its edge, and fewer foils, for the time that an image takes.
+_CUT_FOILS, _CUT_STRIPS = 3, 18
+# Channels through a filling are drilled by hand: towards the beam, in which one sees the holes round, or nearly.
+_CHANNEL_STEEL_MM, _CHANNEL_SHARES, _CHANNEL_LEANS = (0.05, 0.35), (0.6, 0.92), (0.0, 1.1)
 # A drill goes through both walls of the bone, narrower than the hole, as askew as it can be in it.
 _DRILL_SHARES, _DRILLED_MM, _LARGEST_TURN_RAD = (0.64, 0.92), 60.0, 0.12
 
@@ -55,6 +59,21 @@ def drilled_bone(kind: str, seed: int) -> RobustScene:
     return scene_of_shot(kind, scenario, shot, drawn, shot.truth.holes)
 
 
+def drilled_filling(kind: str, seed: int) -> RobustScene:
+    """All holes filled, and drilled again: channels of 0.6 to 0.92 hole widths, from the holes' axis to the beam's."""
+    generator = generator_of(kind, seed)
+    steel_mm, share, lean = (float(generator.uniform(*r)) for r in (_CHANNEL_STEEL_MM, _CHANNEL_SHARES, _CHANNEL_LEANS))
+    scenario = scene_of_seed(seed)
+    state = starting_state(scenario)
+    world, boxes = world_at(scenario, state), []
+    for number in range(len(scenario.parts.nail.holes)):
+        boxes += _foils_beside_channel(Around.of(scenario, world, number), steel_mm, share, lean)
+    objects = Objects(boxes=tuple(boxes))
+    shot = rendered(scenario, state, lambda packed, _: objects.added_to(packed))
+    drawn: Drawn = {"steel_mm": steel_mm, "share": share, "lean": lean}
+    return scene_of_shot(kind, scenario, shot, drawn, shot.truth.holes)
+
+
 def _filled(
     kind: str, seed: int, steel_mm: float, turn_rad: float, from_radii: float, generator: np.random.Generator
 ) -> RobustScene:
@@ -91,4 +110,31 @@ def _foils(
             half_mm = around.rim_mm * np.array([half, np.sqrt(max(1.0 - place * place, 0.0)), 0.0])
             half_mm[2] = 0.5 * steel_mm / _FOILS
             strips.append(SteelBox(middle + place * around.rim_mm * towards, axes, half_mm))
+    return strips
+
+
+def _foils_beside_channel(around: Around, steel_mm: float, share: float, lean: float) -> list[SteelBox]:
+    """Foils across the hole's axis, without a round channel through the hole's middle.
+
+    The channel is as wide as a share of the hole, and leans from its axis by a share of the way to the beam.
+    """
+    towards, beside = axes_across(around.axis, 0.0)
+    axes = np.array([towards, beside, around.axis])
+    ray = around.ray * np.sign(around.ray @ around.axis)
+    direction = (1.0 - lean) * around.axis + lean * ray
+    slope = direction @ axes[:2].T / (direction @ around.axis) * around.nail_mm / around.rim_mm
+    ends = np.linspace(-1.0, 1.0, _CUT_STRIPS + 1)
+    strips = []
+    for depth in np.linspace(-_DEPTH_SHARE, _DEPTH_SHARE, _CUT_FOILS):
+        middle, aside = around.middle_mm + depth * around.nail_mm * around.axis, depth * slope
+        for place in 0.5 * (ends[:-1] + ends[1:]):
+            wall = float(np.sqrt(1.0 - place * place))
+            gap = float(np.sqrt(max(share * share - (place - aside[0]) ** 2, 0.0)))
+            left, right = np.clip([aside[1] - gap, aside[1] + gap], -wall, wall)
+            for first, last in ((-wall, left), (right, wall)):
+                if last > first:
+                    half_mm = np.array([1.0 / _CUT_STRIPS, 0.5 * (last - first), 0.0]) * around.rim_mm
+                    half_mm[2] = 0.5 * steel_mm / _CUT_FOILS
+                    across_mm = around.rim_mm * (place * towards + 0.5 * (first + last) * beside)
+                    strips.append(SteelBox(middle + across_mm, axes, half_mm))
     return strips

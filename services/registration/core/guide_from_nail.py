@@ -37,6 +37,7 @@ class NailEstimate:
     hole_spread_mm: float = 0.0  # standard deviation of the holes' places about their file's, as the image shows it
     display_turn_deg: float = 0.0  # standard error of its rotation by a display's curve that changes with the place
     second_bore_deg: float = 0.0  # see `FitEvidence.second_bore_deg`
+    channel_deg: float = 0.0  # see `FitEvidence.channel_deg`
     beside_objects: bool = False  # see `FitEvidence.beside_objects`
     other_bend_deg: float = 0.0  # how far the holes' axes are of a nail bent otherwise that explains the image as well
 
@@ -63,6 +64,7 @@ class NailEstimate:
             hole_spread_mm=fit.evidence.hole_spread_mm,
             display_turn_deg=fit.display_turn_deg,
             second_bore_deg=fit.evidence.second_bore_deg,
+            channel_deg=fit.evidence.channel_deg,
             beside_objects=fit.evidence.beside_objects,
             other_bend_deg=fit.other_bend_deg,
         )

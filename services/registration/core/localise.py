@@ -134,6 +134,7 @@ def departures_of(calibration: CArmCalibration, guide: GuideFit, nail: NailEstim
         error_ratio=nail.error_ratio,
         beside_objects=nail.beside_objects,
         second_bore_deg=nail.second_bore_deg,
+        channel_deg=nail.channel_deg,
         display_turn_deg=nail.display_turn_deg,
         other_bend_deg=nail.other_bend_deg,
         lag_px=guide.lag_px,

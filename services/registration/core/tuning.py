@@ -416,6 +416,7 @@ class BentNail:
         fitted("seed 65828, which judges no longer: 6 and 9 for a wrong bend over the right one"),
     )
     least_radius_mm: float = tuned(200.0, "mm", "of an optimum that counts", derived("two thirds of what canals do"))
+    bound_radius_mm: float = tuned(130.0, "mm", "bound of a fit's", derived("two thirds of an optimum's that counts"))
     first_steps: int = tuned(12, "1", "steps of the fit from each start", _INSPECTION)
 
 
@@ -726,6 +727,25 @@ class NailAsBuilt:
 
 
 @dataclass(frozen=True, slots=True)
+class HoleChannels:
+    """Channels along the beam in what fills the holes (`core/nail/hole_content.py`)."""
+
+    widths: tuple[float, ...] = tuned(
+        (0.7, 0.76, 0.82, 0.88), "hole widths", "widths that are tried", derived("an edge is softer than the steps")
+    )
+    by_noise: float = tuned(
+        8.0, "1", "fall of chi-square that is not theirs", fitted("plain own scenes: 5 at most; with channels from 22")
+    )
+    turn: float = tuned(
+        3.0, "times", "turn by a channel over that of one step", fitted("own scenes of seeds 64309-64344: 1.6 to 4.2")
+    )
+    usual_sd: float = tuned(
+        0.3, "1", "logarithm of what one lets through more", physical("0.3 mm of steel, or 5 mm of bone")
+    )
+    much_turned_deg: float = tuned(0.3, "°", "turn from where a refusal names them", derived("0.6° of 1.5"))
+
+
+@dataclass(frozen=True, slots=True)
 class HoleContent:
     """The background about holes, which hold what is not beside the nail (`core/nail/hole_content.py`)."""
 
@@ -1011,6 +1031,7 @@ GUIDE_MEASUREMENT: Final = GuideMeasurement()
 LAG: Final = Lag()
 GUIDE_AS_BUILT: Final = GuideAsBuilt()
 NAIL_AS_BUILT: Final = NailAsBuilt()
+HOLE_CHANNELS: Final = HoleChannels()
 HOLE_CONTENT: Final = HoleContent()
 HEAD_ERRORS: Final = HeadErrors()
 WIRE_PRIOR: Final = WirePrior()

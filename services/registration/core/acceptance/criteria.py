@@ -226,6 +226,9 @@ LAG_REMEDY: Final = "keep C-arm and patient still for a second, or switch off fr
 BORED_TWICE_REMEDY: Final = (
     "if a drill has already cut the nail's holes, no image shows their axes better: lock them by hand; if none has, "
     "turn the C-arm by 5° and take one more image")
+# From another direction a channel that was drilled along this beam looks otherwise than the holes do.
+HOLE_CHANNEL_REMEDY: Final = (
+    "turn the C-arm by 5° and take one more image; if that shows the edge as well, lock the holes by hand")
 MIRROR_MARGIN: Final = Criterion(
     ReasonCode.MIRROR_AMBIGUOUS, "logarithm of the likelihood ratio between the pose and its reflected tilt",
     at_least(8.0, "", decimals=1), "turn the C-arm by 5° and take one more image",

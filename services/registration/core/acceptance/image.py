@@ -26,6 +26,7 @@ from services.registration.core.acceptance.criteria import (
     DISTORTION_DEVIATION,
     ENTRY_BOUND,
     FILTERED,
+    HOLE_CHANNEL_REMEDY,
     HOLE_ORDER,
     LAG_REMEDY,
     MIRROR_MARGIN,
@@ -44,7 +45,7 @@ from services.registration.core.acceptance.criteria import (
 )
 from services.registration.core.c_arm_advice import CArmTurn
 from services.registration.core.hole_axes import HoleEstimate
-from services.registration.core.tuning import AGREEMENT_OF_PARTS, NAIL_AS_BUILT
+from services.registration.core.tuning import AGREEMENT_OF_PARTS, HOLE_CHANNELS, NAIL_AS_BUILT
 from shared.acceptance import Criterion
 from shared.errors import Reason, ReasonCode
 from shared.geometry.calibration import CArmCalibration
@@ -104,6 +105,7 @@ class FitEvidence:
     residual_tails: float = 1.0
     hole_spread_mm: float = 0.0  # standard deviation of the holes' places about their file's, as the image shows it
     second_bore_deg: float = 0.0  # how far the holes as filed may be turned from the fit, where they look bored twice
+    channel_deg: float = 0.0  # how far the holes may be turned from the fit by a channel in what fills them
 
     @property
     def filtered(self) -> bool:
@@ -128,6 +130,7 @@ class Departures:
     error_ratio: float = 1.0  # of the nail's rotation, over what the noise explains
     beside_objects: bool = False  # see `FitEvidence.beside_objects`
     second_bore_deg: float = 0.0  # see `FitEvidence.second_bore_deg`
+    channel_deg: float = 0.0  # see `FitEvidence.channel_deg`
     display_turn_deg: float = 0.0  # standard error of its rotation by a display's curve that changes with the place
     other_bend_deg: float = 0.0  # how far the holes' axes are of a nail bent otherwise that explains the image as well
     lag_px: float = 0.0  # how far the guide's balls reach to one side: earlier frames are in the image
@@ -140,6 +143,7 @@ class Departures:
         """Clause that names the cause other than noise, and what to do about it; empty where noise is the cause."""
         causes = (
             (_because_of_second_bores(self.second_bore_deg), BORED_TWICE_REMEDY),
+            (_because_of_channels(self.channel_deg), HOLE_CHANNEL_REMEDY),
             _disagreement(self),
             (_because_of_the_display(self.display_turn_deg), PROCESSING.remedy),
             (_because_of_another_bend(self.other_bend_deg), MIRROR_MARGIN.remedy),
@@ -387,6 +391,15 @@ def _because_of_second_bores(turn_deg: float) -> str:
     if turn_deg <= NAIL_AS_BUILT.much_turned_deg:
         return ""
     return f"; the holes look bored twice, askew, so that their axes may lie {turn_deg:.1f}° (rms) from the estimate"
+
+
+def _because_of_channels(turn_deg: float) -> str:
+    if turn_deg <= HOLE_CHANNELS.much_turned_deg:
+        return ""
+    return (
+        "; what is in the holes has an edge of its own inside their rims, as of a drilled channel or a plug, so that "
+        f"their axes may lie {turn_deg:.1f}° (rms) from the estimate"
+    )
 
 
 def _because_of_the_nail(hole_spread_mm: float) -> str:

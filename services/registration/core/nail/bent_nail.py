@@ -17,6 +17,7 @@ from services.registration.core.nail.parameters import (
     STRAIGHT_NAIL,
     TILTS,
     Parameter,
+    clipped_to_bounds,
     curvature_of,
     level_tilts,
 )
@@ -107,7 +108,7 @@ def reflections(problem: Problem, parameters: NDArray[np.float64]) -> Iterator[N
         turned = model.pose(start).rotation
         aside = curvature - float(curvature @ ray) * ray
         start[CURVATURE] = MM_PER_M * ((aside + (other_rate - divergence) * ray) @ turned)[1:]
-        yield start
+        yield clipped_to_bounds(start)
 
 
 def hole_directions(problem: Problem, parameters: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,6 +1,6 @@
 """Derivatives of the forward model: of the visible fraction by the fit's parameters, and by the holes' own turns."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +25,8 @@ from services.registration.core.nail.imaging_chain import (
 from services.registration.core.nail.parameters import CURVATURE, Parameter, chamfer, curvature_of
 from services.registration.core.nail.rays import section_places
 from shared.geometry.bend import section_frame, section_motions
-from shared.geometry.parts import across_holes
+from shared.geometry.lines import unit
+from shared.geometry.parts import Hole, across_holes, hole_axis
 from shared.two_cores import mapped
 
 # Parameters in the order of the kernel's derivatives.
@@ -133,6 +134,29 @@ def derivatives_by_second_bores(
     own = _by_own_turns(model, traced)
     apart = np.abs(np.einsum("kd,hds->hks", directions.astype(np.float32), own))
     return _seen(model, traced, apart.reshape(-1, own.shape[-1]))
+
+
+def derivatives_by_channels(
+    model: ForwardModel, traced: TracedTransmission, widths: Sequence[float]
+) -> list[NDArray[np.float64]]:
+    """Derivatives of `visible_fraction` by what a channel along the beam lets through more, its logarithm, (N,) each.
+
+    Channels through the middles of the holes follow one another for each width, as a share of the hole's.
+    """
+    region, camera_from_nail = model.region, model.pose(traced.parameters)
+    nail = model.nail.bent(curvature_of(traced.parameters))
+    rays = unit(np.column_stack([region.rays.slopes, np.ones(len(region.rays.slopes))]))
+    transmission = traced.transmission.ravel()[region.support]
+
+    def by_channel(width_share: float, hole: Hole) -> NDArray[np.float32]:
+        middle_mm = camera_from_nail @ hole_axis(nail, hole).point_mm
+        away_mm = np.linalg.norm(np.cross(rays, middle_mm), axis=1)
+        pixel_mm = float(middle_mm[2]) / model.camera.focal_length_px * region.sampling.reduction
+        inside = np.clip(0.5 + (0.5 * width_share * hole.diameter_mm - away_mm) / pixel_mm, 0.0, 1.0)
+        return np.asarray(inside * transmission, dtype=np.float32)
+
+    changes = [by_channel(width_share, hole) for width_share in widths for hole in nail.holes]
+    return _seen(model, traced, np.stack(changes))
 
 
 def _by_own_turns(model: ForwardModel, traced: TracedTransmission) -> NDArray[np.float32]:

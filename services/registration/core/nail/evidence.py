@@ -15,6 +15,7 @@ from services.registration.core.estimation.pose_estimate import PoseErrors, leng
 from services.registration.core.nail.between_holes import turns_between_holes, turns_by_second_bores
 from services.registration.core.nail.covariance import after_background, motion_gain
 from services.registration.core.nail.forward_model import visible_fraction_without_metal
+from services.registration.core.nail.hole_content import turns_by_channels
 from services.registration.core.nail.least_squares import Problem, Solution, linear_response
 from services.registration.core.nail.noise import NoiseModel
 from services.registration.core.nail.parameters import Parameter, prior_mean, prior_precision
@@ -134,6 +135,7 @@ class Agreement:
     tails: float  # variance of the residuals over the one by their median: filters against noise leave a few large ones
     between_holes: NDArray[np.float64]  # mean square of the holes' own turns across them, in rad², shape (2, 2)
     second_bores: NDArray[np.float64]  # the same of the turn to the holes as filed, where they look bored twice
+    channels: NDArray[np.float64]  # the same of the turn to the fit with a channel in what fills the holes
 
     @property
     def variance_ratio(self) -> float:
@@ -186,12 +188,17 @@ class Agreement:
         """How far the holes as filed may be turned from the fit (rms), where they look bored twice."""
         return float(np.degrees(np.sqrt(np.trace(self.second_bores))))
 
+    @property
+    def channel_deg(self) -> float:
+        """How far the holes may be turned from the fit (rms) by a channel in what fills them."""
+        return float(np.degrees(np.sqrt(np.trace(self.channels))))
+
     def _turned(self, nail: NailPart) -> NDArray[np.float64]:
         """Covariance by turns across the axes through the holes' middle, (6, 6): by processing, and by the holes."""
         s = AGREEMENT_OF_PARTS
         share = max(1.0 - s.processed_from / self.variance_ratio, 0.0)
         by_processing = share * np.radians(s.processed_sd_deg) ** 2 * np.eye(2)
-        return covariance_of_turns(nail, by_processing + self.between_holes + self.second_bores)
+        return covariance_of_turns(nail, by_processing + self.between_holes + self.second_bores + self.channels)
 
 
 def covariance_of_turns(nail: NailPart, square: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -232,6 +239,7 @@ def agreement_of_parts(problem: Problem, solution: Solution, noise: NoiseModel) 
         tails=_tails(solution.linear.residual, noise),
         between_holes=turns_between_holes(problem, solution, noise),
         second_bores=turns_by_second_bores(problem, solution, noise),
+        channels=turns_by_channels(problem, solution, noise),
     )
 
 

@@ -3,7 +3,8 @@
 The background is a smooth field, but need not continue smoothly through the holes. If it had to, the fit would explain
 what is darker or brighter there by the nail: by more metal in the rays' way, and so by another tilt. So the field is
 looser about the holes, by as much as the image shows. What determines the pose there are the rims: they are sharper
-than its knots can follow.
+than its knots can follow. So is the edge of a channel that was drilled through what fills the holes. It shows when the
+fit has ended, by one Gauss-Newton step with it.
 """
 
 from dataclasses import replace
@@ -11,10 +12,19 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.estimation.pose_estimate import POSE_SIZE
 from services.registration.core.nail.background import Stiffness, spline_field
-from services.registration.core.nail.least_squares import LinearSolution, Problem, linear_solution_from
-from services.registration.core.tuning import FINAL_STAGE, HOLE_CONTENT
-from shared.geometry.parts import Hole, NailPart, place_of_hole
+from services.registration.core.nail.derivatives import derivatives_by_channels
+from services.registration.core.nail.least_squares import (
+    LinearSolution,
+    Problem,
+    Solution,
+    linear_solution_from,
+    with_changes,
+)
+from services.registration.core.nail.noise import NoiseModel
+from services.registration.core.tuning import FINAL_STAGE, HOLE_CHANNELS, HOLE_CONTENT
+from shared.geometry.parts import Hole, NailPart, across_holes, place_of_hole
 
 
 def loosened(problem: Problem, looser: float = HOLE_CONTENT.looser[0]) -> Problem:
@@ -62,3 +72,29 @@ def _is_near(
         (along_mm - middle_along_mm) / (radius_mm + hole.half_slot_mm), (across_mm - middle_across_mm) / radius_mm
     )
     return np.asarray(radii < HOLE_CONTENT.reach_radii)
+
+
+def turns_by_channels(problem: Problem, solution: Solution, noise: NoiseModel) -> NDArray[np.float64]:
+    """Mean square of the turn (rad²) from the fit to one with a channel in what fills the holes, shape (2, 2).
+
+    A channel that was drilled along the beam, or a plug, has an edge inside the rim that is as sharp as that, and turns
+    the nail farther than one step leads back. It counts by the share of the fall of chi-square that is beyond noise.
+    """
+    nail, widths = problem.model.nail, HOLE_CHANNELS.widths
+    derivatives = derivatives_by_channels(solution.linear.model, solution.linear.traced, widths)
+    equations = with_changes(problem, solution, derivatives, HOLE_CHANNELS.usual_sd**-2).equations
+    matrix, gradient = equations.matrix, equations.gradient
+    free = np.arange(len(gradient) - len(derivatives))
+    without = np.linalg.solve(matrix[np.ix_(free, free)], gradient[free])
+    motion = across_holes(nail) @ problem.model.motion_by_parameters(solution.parameters)[:3]
+    best_fall, best_turn_rad = 0.0, np.zeros(2)
+    for channels in len(free) + np.arange(len(derivatives)).reshape(len(widths), -1):
+        rows = np.append(free, channels)
+        step = np.linalg.solve(matrix[np.ix_(rows, rows)], gradient[rows])
+        fall = float(gradient[rows] @ step - gradient[free] @ without)
+        if fall > best_fall:
+            best_fall, best_turn_rad = fall, motion @ (step[:POSE_SIZE] - without[:POSE_SIZE])
+    fall = best_fall / float(noise.inflation.mean())
+    share = 1.0 - HOLE_CHANNELS.by_noise / max(fall, HOLE_CHANNELS.by_noise)
+    turn_rad = HOLE_CHANNELS.turn * best_turn_rad
+    return np.asarray(share * np.outer(turn_rad, turn_rad))

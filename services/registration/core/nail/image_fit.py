@@ -233,6 +233,7 @@ def _with_evidence(end: FitEnd, errors: PoseErrors, *, objects_left_out: bool) -
         objects_left_out=objects_left_out,
         residual_tails=parts.tails,
         second_bore_deg=parts.second_bore_deg,
+        channel_deg=parts.channel_deg,
         hole_spread_mm=max(spread_of_holes_mm(problem, solution, noise), parts.spread_of_holes_mm(model.nail)),
     )
     fit = NailFit(

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.estimation.pose_estimate import POSE_SIZE
-from services.registration.core.tuning import NAIL_PRIORS
+from services.registration.core.tuning import BENT_NAIL, NAIL_PRIORS
 from shared.compiled import compiled, compiled_inline
+from shared.geometry.bend import MM_PER_M
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import unit
@@ -117,10 +118,13 @@ def prior_precision() -> NDArray[np.float64]:
 
 
 def clipped_to_bounds(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Nuisance parameters clipped to where the model holds, most to six standard deviations of their prior."""
+    """Nuisance parameters clipped to where the model holds, most to six standard deviations of their prior.
+
+    The curvature keeps its direction. Rays through a nail that is bent into a coil take minutes to trace.
+    """
     mean, reach = prior_mean(), np.full(PARAMETER_COUNT, np.inf)
     reach[POSE_SIZE:] = [NAIL_PRIORS.largest_deviations * deviation for _, deviation in priors().values()]
-    reach[_RADII] = NAIL_PRIORS.largest_radius_excess_mm
+    reach[_RADII], reach[CURVATURE] = NAIL_PRIORS.largest_radius_excess_mm, np.inf
     clipped = np.clip(parameters, mean - reach, mean + reach)
     exponent, tail = Parameter.CURVE_EXPONENT, Parameter.TAIL_SHARE
     clipped[exponent] = np.clip(clipped[exponent], NAIL_PRIORS.least_exponent, NAIL_PRIORS.largest_exponent)
@@ -128,6 +132,8 @@ def clipped_to_bounds(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     # below zero the curve is straight: no derivative would lead back
     clipped[Parameter.CURVE] = max(clipped[Parameter.CURVE], 0.0)
     clipped[tail] = np.clip(clipped[tail], 0.0, NAIL_PRIORS.largest_tail_share)
+    largest_per_m = MM_PER_M / BENT_NAIL.bound_radius_mm
+    clipped[CURVATURE] *= min(1.0, largest_per_m / max(float(np.hypot(*clipped[CURVATURE])), largest_per_m))
     return np.asarray(clipped)
 
 

@@ -57,6 +57,7 @@ class Scene:
     beam: NDArray[np.float64] = field(default_factory=ONE_ENERGY.copy)
     hole_content_per_mm: float = 0.0  # attenuation in the nail's holes over that beside the nail
     content_rise: tuple[float, float] = (0.0, 0.0)  # its increase from their middles to the wall, along and across
+    channel_share: float = 0.0  # width of a channel along the beam through that, over the holes'
 
 
 def calibration(size_px: int, distortion: DisplacementField | None = None) -> CArmCalibration:
@@ -151,8 +152,10 @@ def render(scene: Scene, view: CArmCalibration, seed: int) -> NDArray[np.float32
         metal = metal + METAL_PER_MM[scene.nail.material] * path_mm
         if scene.hole_content_per_mm != 0.0 or any(scene.content_rise):
             solid_mm = _nail_path_mm(rays, replace(scene.nail, holes=()), scene.camera_from_nail)
-            content = scene.hole_content_per_mm + _rise(rays, scene.nail, scene.camera_from_nail) @ scene.content_rise
-            tissue = tissue + content * (solid_mm - path_mm)
+            place = _rise(rays, scene.nail, scene.camera_from_nail)
+            content = scene.hole_content_per_mm + place @ scene.content_rise
+            filled = np.linalg.norm(place, axis=-1) >= scene.channel_share
+            tissue = tissue + filled * content * (solid_mm - path_mm)
     for rod in scene.rods:
         metal = metal + rod.per_mm * _rod_path_mm(rays, rod)
     metal = metal + METAL_PER_MM["steel"] * _ball_paths_mm(rays, scene.balls)

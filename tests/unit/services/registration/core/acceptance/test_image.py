@@ -144,6 +144,18 @@ def test_uncertainty_by_holes_that_look_bored_twice_says_so() -> None:
     assert "dose" not in twice.message
 
 
+def test_uncertainty_by_a_channel_in_what_fills_the_holes_says_so() -> None:
+    uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
+    (without,), (with_channel,) = (
+        localisation_reasons(replace(uncertain, departures=Departures(channel_deg=d))) for d in (0.3, 0.9)
+    )
+    assert "more dose" in without.message
+    assert "has an edge of its own inside their rims" in with_channel.message
+    assert "their axes may lie 0.9° (rms) from the estimate" in with_channel.message
+    assert "if that shows the edge as well, lock the holes by hand" in with_channel.message
+    assert "dose" not in with_channel.message
+
+
 @pytest.mark.parametrize("error_ratio", [3.3, 4.1])
 def test_parts_that_disagree_a_little_over_displaced_holes_ask_for_the_nails_file(error_ratio: float) -> None:
     by_holes = error_ratio < 4.0

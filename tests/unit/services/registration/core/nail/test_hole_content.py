@@ -23,10 +23,17 @@ NAIL = nail_part(material="Ti6Al4V")
 
 
 @cache
-def fitted(per_mm: float, rise: tuple[float, float]) -> ImageFit:
+def fitted(per_mm: float, rise: tuple[float, float], channel_share: float = 0.0) -> ImageFit:
     """The fit of a titanium nail whose holes hold something, towards one wall more by a rise."""
     view = calibration(SIZE_PX)
-    scene = Scene(SIZE_PX, NAIL, CAMERA_FROM_NAIL, hole_content_per_mm=per_mm, content_rise=rise)
+    scene = Scene(
+        SIZE_PX,
+        NAIL,
+        CAMERA_FROM_NAIL,
+        hole_content_per_mm=per_mm,
+        content_rise=rise,
+        channel_share=channel_share,
+    )
     given = FitInput(render(scene, view, 5), view, NAIL, Occluders(None, rendered_parts().ring))
     found = fit_image(given, turned_nail((3.0, -1.5)))
     assert isinstance(found, ImageFit)
@@ -70,6 +77,16 @@ def test_the_background_is_as_loose_about_the_holes_as_the_image_shows(per_mm: f
     of_field = problem.field.roughness
     (found,) = (f for f in HOLE_CONTENT.looser if np.array_equal(loosened(problem, f).field.roughness, of_field))
     assert found == expected
+
+
+@pytest.mark.requirement("REG-06")
+@pytest.mark.parametrize(("channel_share", "least_deg", "most_deg"), [(0.0, 0.0, 0.1), (0.8, 0.15, 1.0)])
+def test_a_channel_in_what_fills_the_holes_makes_their_axes_uncertain(
+    channel_share: float, least_deg: float, most_deg: float
+) -> None:
+    found = fitted(0.025, (0.0, 0.0), channel_share)
+    assert least_deg <= found.fit.evidence.channel_deg <= most_deg  # measured: 0.03 and 0.29
+    assert axis_error_deg(found) < 2.0 * axis_sd_deg(found)
 
 
 def test_the_background_is_loose_next_to_the_holes_alone() -> None:

@@ -7,13 +7,17 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.nail.parameters import (
+    CURVATURE,
     Anchors,
     anchors_of,
+    clipped_to_bounds,
     motion_by_parameters,
     parameters_from_pose,
     pose_from_parameters,
+    prior_mean,
     rotation_and_translation,
 )
+from services.registration.core.tuning import BENT_NAIL
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import Line
@@ -75,3 +79,14 @@ def test_anchors_are_the_outermost_holes() -> None:
 
 def test_a_single_hole_gets_anchors_on_either_side() -> None:
     assert anchors_of(nail_with_holes_at(3.0)) == Anchors(-15.0, 15.0)
+
+
+@pytest.mark.parametrize("curvature_per_m", [(0.0, 0.0), (3.0, -4.0), (-1900.0, 470.0)])
+def test_a_curvature_beyond_its_bound_keeps_its_direction(curvature_per_m: tuple[float, float]) -> None:
+    """One of 1900/m, from a start that reflects a tilt of 60 degrees, took minutes to trace."""
+    parameters = prior_mean()
+    parameters[CURVATURE] = curvature_per_m
+    found, given = clipped_to_bounds(parameters)[CURVATURE], np.array(curvature_per_m)
+    largest = 1000.0 / BENT_NAIL.bound_radius_mm
+    assert np.linalg.norm(found) == pytest.approx(min(np.linalg.norm(given), largest))
+    assert found @ given == pytest.approx(np.linalg.norm(found) * np.linalg.norm(given))
