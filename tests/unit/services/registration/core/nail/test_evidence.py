@@ -38,7 +38,8 @@ def test_one_part_that_has_nearly_all_the_weight_proves_little() -> None:
     assert pull_ratio(pulls, variances) == pytest.approx((4.0 + 4.0) / 5.0, rel=1e-3)
 
 
-USUAL = Agreement(1.0, 0.1, 0.7, 0.7, 0.003, 4.0, 1.3, 2.0, 0.5, 1.05, np.zeros((2, 2)), np.zeros((2, 2)))
+NO_TURN = np.zeros((2, 2))
+USUAL = Agreement(1.0, 0.1, 0.7, 0.7, 0.003, 4.0, 1.3, 2.0, 0.5, 1.05, NO_TURN, NO_TURN, NO_TURN)
 ERRORS = PoseErrors(np.zeros(3), np.eye(9), np.zeros((9, 3)), np.zeros((9, 1)))
 NAIL = nail_part()
 
@@ -137,3 +138,10 @@ def test_a_rim_is_seen_in_all_directions_unless_a_part_is_left_out() -> None:
     first, *others = rim_shares(covered, nail)
     assert 0.45 <= first <= 0.55
     assert all(share == 1.0 for share in others)
+
+
+def test_a_channel_turns_the_nail_across_its_holes() -> None:
+    by_channel = replace(USUAL, channels=np.diag(np.radians([0.3, 0.4]) ** 2))
+    assert by_channel.channel_deg == pytest.approx(0.5)
+    grown = by_channel.widened(ERRORS, NAIL).covariance - USUAL.widened(ERRORS, NAIL).covariance
+    np.testing.assert_allclose(grown[:3, :3], np.diag([*np.radians([0.3, 0.4]) ** 2, 0.0]), atol=1e-12)
