@@ -105,8 +105,11 @@ e2e-tests: $(COMPILED)
 	$(PYTEST) -m "alone and not long" tests/e2e
 
 # What `make test` leaves out: pieces of benchmarks, and more seeds, parameters or processes of what a test beside shows.
+# After it on the same sources, `distalock risk check --with-long-tests` judges the results of both.
+long-tests: export REQUIREMENTS_RESULTS := $(CURDIR)/.test-results
 long-tests: $(COMPILED)
-	$(PYTEST) $(PARALLEL) -m long tests/accuracy tests/e2e tests/unit
+	$(PYTEST) $(PARALLEL) -m "long and not alone" tests/accuracy tests/e2e tests/unit
+	$(PYTEST) -m "long and alone" tests/e2e
 
 # New examples for what is to hold for all inputs; `make test` takes the same ones each time.
 search: $(COMPILED)

@@ -28,6 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="H",
         help=f"results count for so long ({_MOST_AGE_H})",
     )
+    check.add_argument(
+        "--with-long-tests", action="store_true", help="those must have run as well: after `make long-tests`"
+    )
     check.set_defaults(run_risk=_check)
     audit = commands.add_parser("audit", help="known vulnerabilities of what requirements.lock pins, by pip-audit")
     audit.set_defaults(run_risk=_audit)
@@ -44,7 +47,8 @@ def run(given: argparse.Namespace) -> int:
 
 
 def _check(given: argparse.Namespace) -> int:
-    return int(importlib.import_module("tools.risk.check").main(given.results, given.most_age_h))
+    check = importlib.import_module("tools.risk.check")
+    return int(check.main(given.results, given.most_age_h, with_long_tests=given.with_long_tests))
 
 
 def _audit(_: argparse.Namespace) -> int:

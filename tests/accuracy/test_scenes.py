@@ -52,7 +52,8 @@ def test_a_nail_that_is_bent_as_the_rays_diverge_is_not_taken_for_its_straight_r
 # Two balls lie over a hole in each: one search ended 11° off, and one on a slope.
 @pytest.mark.requirement("REG-02")
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [5106, pytest.param(20221, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [5106, 20221])
 def test_balls_over_a_hole_do_not_hide_which_tilt_is_right(seed: int) -> None:
     row = model_row(seed)
     assert row.model.accepted, row.model.codes

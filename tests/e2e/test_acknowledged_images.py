@@ -73,7 +73,11 @@ def require_all_finished(site: Shooting) -> None:
 @pytest.mark.requirement("IMG-02")
 @pytest.mark.parametrize(
     ("service", "shots_while_down"),
-    [("imaging", 0), pytest.param("registration", 2, marks=pytest.mark.long), ("ui_api", 2)],
+    [
+        ("imaging", 0),
+        pytest.param("registration", 2, marks=pytest.mark.long),
+        pytest.param("ui_api", 2, marks=pytest.mark.long),
+    ],
 )
 def test_a_killed_process_loses_no_acknowledged_image(site: Shooting, service: str, shots_while_down: int) -> None:
     for _ in range(2):

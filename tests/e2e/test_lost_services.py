@@ -109,6 +109,7 @@ def test_a_frozen_gateway_stops_the_move(site: CaseRoom) -> None:
     assert site.robot().stop == "latched"
 
 
+@pytest.mark.long
 def test_a_frozen_application_stops_the_move(site: CaseRoom) -> None:
     begun = site.begin_to_move()
     with site.frozen_process(site.application_pid()):
@@ -120,6 +121,7 @@ def test_a_frozen_application_stops_the_move(site: CaseRoom) -> None:
     assert site.robot().stop == "latched"
 
 
+@pytest.mark.long
 def test_a_gateway_that_is_told_to_end_lets_the_robot_stop_and_its_streams_come_again(site: CaseRoom) -> None:
     begun = site.begin_to_move()
     installation = site.room.installation
@@ -135,6 +137,7 @@ def test_a_gateway_that_is_told_to_end_lets_the_robot_stop_and_its_streams_come_
 
 
 @pytest.mark.requirement("ROB-10")
+@pytest.mark.long
 def test_a_command_that_waited_in_a_frozen_robot_service_moves_nothing(site: CaseRoom) -> None:
     plan = site.approved_plan()
     here = site.true_pose()

@@ -12,7 +12,7 @@ from tools.risk.scales import Acceptance
 _S_PER_H: Final = 3600.0
 
 
-def main(results: Path, most_age_h: float) -> int:
+def main(results: Path, most_age_h: float, *, with_long_tests: bool) -> int:
     """Print what is wrong; 0 when nothing is, 1 otherwise.
 
     Raises
@@ -21,7 +21,7 @@ def main(results: Path, most_age_h: float) -> int:
         When the risk file or the results cannot be read.
     """
     risk, tests, ran = load_risk_file(), marked_tests(), read_results(results)
-    wrong = [*gaps(risk, tests), *unshown(risk, tests, ran), *stale(ran, most_age_h)]
+    wrong = [*gaps(risk, tests), *unshown(risk, tests, ran, with_long_tests=with_long_tests), *stale(ran, most_age_h)]
     for sentence in wrong:
         print(f"distalock risk check: {sentence}", file=sys.stderr)  # noqa: T201 - a command's output
     if not wrong:
@@ -79,20 +79,31 @@ def _gaps_of(hazard: Hazard, known: set[str], tests: tuple[MarkedTest, ...]) -> 
                 yield f"{hazard.id}: no test {name} carries the mark of {control.requirement}"
 
 
-def unshown(risk: RiskFile, tests: tuple[MarkedTest, ...], ran: Results) -> list[str]:
-    """Requirements whose tests did not all run and pass, and what they control."""
-    controls: dict[str, list[str]] = {}
-    for hazard in risk.hazards:
-        for control in hazard.controls:
-            controls.setdefault(control.requirement, []).append(hazard.id)
+def unshown(risk: RiskFile, tests: tuple[MarkedTest, ...], ran: Results, *, with_long_tests: bool = True) -> list[str]:
+    """Requirements whose tests did not all run and pass, and what they control.
+
+    Long tests need not have run where they are not asked for; of each requirement another must have.
+    """
+    left_out = [test for test in tests if test.is_long and ran.of(test) is Ending.NOT_RUN and not with_long_tests]
+    expected = [test for test in tests if test not in left_out]
+    shown_otherwise = {requirement for test in expected for requirement in test.requirements}
+    only_long = {requirement for test in left_out for requirement in test.requirements} - shown_otherwise
     return [
-        f"{test.file}::{test.name} {_ENDED[ending]}: {requirement} is not shown, which controls "
-        f"{', '.join(controls.get(requirement, ['nothing']))}"
-        for test in tests
-        for ending in (ran.of(test),)
-        if ending is not Ending.PASSED
-        for requirement in sorted(test.requirements)
-    ]
+        *(f"{test.file}::{test.name} {_ENDED[ending]}: {requirement} is not shown, which controls "
+          f"{_controlled_by(risk, requirement)}"
+          for test in expected
+          for ending in (ran.of(test),)
+          if ending is not Ending.PASSED
+          for requirement in sorted(test.requirements)),
+        *(f"only long tests show {requirement}, which controls {_controlled_by(risk, requirement)}: mark another, or "
+          "run them and give --with-long-tests"
+          for requirement in sorted(only_long)),
+    ]  # fmt: skip
+
+
+def _controlled_by(risk: RiskFile, requirement: str) -> str:
+    hazards = [h.id for h in risk.hazards for control in h.controls if control.requirement == requirement]
+    return ", ".join(hazards or ["nothing"])
 
 
 _ENDED: Final = {

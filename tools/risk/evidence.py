@@ -16,6 +16,7 @@ from shared.json_lines import json_lines
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 _MARK: Final = "requirement"
+_LONG: Final = "long"
 # What decides how a test ends.
 _SOURCES: Final = ("services", "shared", "simulation", "distalock", "baselines", "benchmarks", "tests")
 
@@ -27,6 +28,7 @@ class MarkedTest:
     file: str
     name: str
     requirements: frozenset[str]
+    is_long: bool = False  # `make test` leaves it to `make long-tests`
 
 
 class Ending(StrEnum):
@@ -53,7 +55,8 @@ def _marked_in(file: Path, name: str) -> Iterator[MarkedTest]:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             found = frozenset(_requirements(node.decorator_list))
             if found:
-                yield MarkedTest(name, node.name, found)
+                is_long = any(isinstance(d, ast.Attribute) and d.attr == _LONG for d in node.decorator_list)
+                yield MarkedTest(name, node.name, found, is_long)
 
 
 def _requirements(decorators: Iterable[ast.expr]) -> Iterator[str]:

@@ -112,6 +112,7 @@ def test_radii_come_out_as_they_are() -> None:
         assert abs(outcome.fit.evidence.nail_radius_excess_mm) < 0.0074
 
 
+@pytest.mark.long
 def test_what_the_nails_shape_does_to_the_tilt_turns_round_with_the_tilt() -> None:
     """Wider holes or deeper chamfers than were assumed lean the fitted nail by a share of its tilt, in its direction.
 

@@ -82,6 +82,17 @@ def test_the_worst_of_a_tests_parameters_counts(outcomes: tuple[str, ...], endin
     assert all("ROB-01 is not shown, which controls H01" in one for one in sentences)
 
 
+def test_long_tests_may_be_left_out_where_another_shows_the_same() -> None:
+    long = replace(STOP, name="test_stop_of_hours", is_long=True)
+    assert check.unshown(RISK, (STOP, long), PASSED, with_long_tests=False) == []
+    (left_out,) = check.unshown(RISK, (STOP, long), PASSED)
+    assert "test_stop_of_hours did not run: ROB-01 is not shown, which controls H01" in left_out
+    (alone,) = check.unshown(RISK, (long,), PASSED, with_long_tests=False)
+    assert "only long tests show ROB-01, which controls H01" in alone
+    failed = replace(PASSED, outcomes={**PASSED.outcomes, (long.file, long.name): ("failed",)})
+    assert len(check.unshown(RISK, (STOP, long), failed, with_long_tests=False)) == 1
+
+
 def test_old_results_and_those_of_other_sources_do_not_count() -> None:
     assert "25.0 h old (limit 24 h)" in check.stale(replace(PASSED, oldest_s=90_000.0), 24)[0]
     assert "of other sources" in check.stale(replace(PASSED, sources=frozenset({"before"})), 24)[0]

@@ -71,6 +71,7 @@ def axis_error_deg(camera_from_nail: Transform[Camera, Nail]) -> float:
 
 
 @pytest.mark.requirement("REG-05")
+@pytest.mark.long
 def test_beside_a_wire_over_a_rim_the_rest_has_the_true_axes() -> None:
     as_shown = fitted(with_wire())
     assert shows_an_object(as_shown)
@@ -133,6 +134,7 @@ def test_a_fit_beside_objects_keeps_the_hole_axes_of_the_holes_surroundings(
 
 
 @pytest.mark.requirement("REG-05")
+@pytest.mark.long
 def test_a_bend_beside_objects_makes_the_straight_nail_uncertain(monkeypatch: pytest.MonkeyPatch) -> None:
     straight = fitted(plain())
     monkeypatch.setattr(image_fit, "is_refused", Mock(return_value=False))
@@ -149,6 +151,7 @@ def test_a_bend_beside_objects_makes_the_straight_nail_uncertain(monkeypatch: py
 
 
 @pytest.mark.requirement("REG-05")
+@pytest.mark.long
 def test_beside_objects_no_bend_is_looked_for_where_the_straight_nail_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

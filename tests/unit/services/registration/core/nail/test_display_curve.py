@@ -65,6 +65,7 @@ def share_unlike_plain(pixels: NDArray[np.float32]) -> float:
     return float(left.std() / wanted.std())
 
 
+@pytest.mark.long
 def test_local_contrast_is_seen_at_the_edges_and_undone() -> None:
     shown = with_local_contrast()
     curve = display_curve_of(first_fit(with_local_contrast).end.solution.linear, shown)

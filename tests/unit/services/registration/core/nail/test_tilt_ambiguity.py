@@ -116,6 +116,7 @@ def test_the_curvature_of_a_bent_nail_is_found(curvature: tuple[float, float], m
         assert np.degrees(angle_between_rad(axis, expected)) < 0.5
 
 
+@pytest.mark.long
 def test_where_parts_of_the_image_disagree_a_curvature_is_an_uncertainty_of_the_straight_nail() -> None:
     fit = measured((1.0, -1.5))
     assert fit.evidence.error_ratio > BENT_NAIL.largest_error_ratio

@@ -36,7 +36,8 @@ def burnt(view: RegisteredImage, along_mm: float) -> RegisteredImage:
     return replace(view, pixels=np.minimum(view.pixels * (1.0 + 0.08 * beyond), white).astype(np.float32))
 
 
-@pytest.mark.parametrize("along_mm", [60.0, pytest.param(75.0, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("along_mm", [60.0, 75.0])
 def test_a_wire_that_fades_into_white_is_not_taken_to_end_there(along_mm: float) -> None:
     result = verified(view_of(LATERAL, ASKEW, seed=51), burnt(view_of(OBLIQUE, ASKEW, seed=52), along_mm))
     assert [wire.hole.id for wire in result.wires] == ["distal", "proximal"]
