@@ -67,11 +67,12 @@ def errors(kind: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 # measured: medians 0.093 and 0.324 mm, largest 0.210 and 0.868 mm; normalised rms 1.14 and 0.71, largest 2.13 and 1.19
 @pytest.mark.requirement("REG-06")
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("kind", "median_mm", "largest_mm", "normalised_rms", "normalised_largest"),
     [
-        pytest.param("pair", 0.14, 0.32, (0.76, 1.71), 3.2, marks=pytest.mark.long),
-        pytest.param("lateral", 0.49, 1.30, (0.47, 1.07), 1.8, marks=pytest.mark.long),
+        ("pair", 0.14, 0.32, (0.76, 1.71), 3.2),
+        ("lateral", 0.49, 1.30, (0.47, 1.07), 1.8),
     ],
 )
 def test_errors_are_as_large_as_predicted(
