@@ -120,7 +120,7 @@ def prior_precision() -> NDArray[np.float64]:
 def clipped_to_bounds(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """Nuisance parameters clipped to where the model holds, most to six standard deviations of their prior.
 
-    The curvature keeps its direction. Rays through a nail that is bent into a coil take minutes to trace.
+    The curvature keeps its direction. In a nail that is bent into a coil each ray has a cross-section of its own.
     """
     mean, reach = prior_mean(), np.full(PARAMETER_COUNT, np.inf)
     reach[POSE_SIZE:] = [NAIL_PRIORS.largest_deviations * deviation for _, deviation in priors().values()]
