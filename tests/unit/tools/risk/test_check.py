@@ -9,7 +9,7 @@ import pytest
 
 from shared.errors import InputError
 from tools.risk import check
-from tools.risk.evidence import Ending, MarkedTest, Results, digest_of_sources, read_results
+from tools.risk.evidence import Ending, MarkedTest, Results, digest_of_sources, marked_tests, read_results
 from tools.risk.files import Control, Hazard, Requirement, RiskFile, SoftwareItem, entries
 from tools.risk.scales import Probability, Severity
 
@@ -91,6 +91,14 @@ def test_long_tests_may_be_left_out_where_another_shows_the_same() -> None:
     assert "only long tests show ROB-01, which controls H01" in alone
     failed = replace(PASSED, outcomes={**PASSED.outcomes, (long.file, long.name): ("failed",)})
     assert len(check.unshown(RISK, (STOP, long), failed, with_long_tests=False)) == 1
+
+
+def test_marks_are_read_from_the_sources(tmp_path: Path) -> None:
+    marks = '@pytest.mark.requirement("ROB-01")\n'
+    lines = f"{marks}def test_stop(): ...\n{marks}@pytest.mark.long\ndef test_stop_of_hours(): ...\n"
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "tests" / "test_it.py").write_text(lines)
+    assert marked_tests(tmp_path) == (STOP, replace(STOP, name="test_stop_of_hours", is_long=True))
 
 
 def test_old_results_and_those_of_other_sources_do_not_count() -> None:
